@@ -1,6 +1,8 @@
 //! `--check` reports all problems of a launch file at once, with their lines, and starts nothing.
 
-use replica_tests::{Launch, binary, output_text};
+use replica_tests::{Launch, binary, gate, output_text};
+use std::fs::Permissions;
+use std::os::unix::fs::PermissionsExt;
 
 #[test]
 fn faulty_file_is_reported_completely_with_lines() {
@@ -50,6 +52,38 @@ fn mismatched_stages_are_reported() {
     ] {
         assert!(output_text.contains(words), "{words:?} is not in:\n{output_text}");
     }
+}
+
+#[test]
+fn program_killed_during_the_check_is_a_failure_and_not_a_problem_of_the_file() {
+    let launch = Launch::misbehaving("", "", "");
+    let killed = launch.folder().join("killed.sh");
+    std::fs::write(&killed, "#!/bin/sh\nkill -9 $$\n").expect("written");
+    std::fs::set_permissions(&killed, Permissions::from_mode(0o755)).expect("executable");
+    let launch = launch.with("--check").with("--set").with("source.program=killed.sh");
+    let output = launch.run();
+    let text = output_text(&output);
+    assert_eq!(output.status.code(), Some(1), "{text}");
+    assert!(text.contains("killed.sh --describe: signal: 9 (SIGKILL)"), "{text}");
+    assert!(text.contains("1 problem; a program failed during the check, so try again"), "{text}");
+    assert!(!text.contains("which no stage of this file produces"), "{text}");
+}
+
+#[test]
+fn number_of_threads_of_the_environment_has_a_bound() {
+    let launch = Launch::misbehaving("", "ticks = 20\npoints = 500", &gate(19));
+    let mut running = launch.start_with_env("RAYON_NUM_THREADS", "100000");
+    launch.wait_for_barrier(1);
+    for stage in ["source", "relay", "sink"] {
+        let environment = std::fs::read(format!("/proc/{}/environ", running.stage(stage).as_raw_nonzero()));
+        let environment = String::from_utf8(environment.expect("a process")).expect("text");
+        let number = environment.split('\0').find_map(|line| line.strip_prefix("RAYON_NUM_THREADS="));
+        let number: usize = number.expect("set").parse().expect("a number");
+        assert!((16..1000).contains(&number), "{stage}: {number}");
+    }
+    assert_eq!(running.ended(), None);
+    launch.open_gate();
+    assert_eq!(running.wait(), Some(0));
 }
 
 #[test]

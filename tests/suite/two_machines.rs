@@ -5,8 +5,11 @@ use replica_tests::{
     Cable, Launch, OtherHost, Proxy, Random, binary, domain_of, drive, in_own_network, leftovers, output_text,
     pipeline, processes_of, reference, result_files, run_under_cuts, undisturbed, undisturbed_lines, wait_for,
 };
+use rustix::net::{self, AddressFamily, SocketType};
 use rustix::process::{Signal, kill_process};
 use std::fs::Permissions;
+use std::net::{Ipv4Addr, SocketAddrV4};
+use std::os::fd::OwnedFd;
 use std::os::unix::fs::PermissionsExt;
 
 const RELAY: &str = "misbehaving-relay";
@@ -203,4 +206,27 @@ fn agent_with_another_key_and_key_that_others_can_read_are_refused() {
     std::fs::set_permissions(host.key(), Permissions::from_mode(0o644)).expect("changed");
     let text = refusal(host.runs(launch(), "relay", RELAY, host.address()));
     assert!(text.contains("mode 0644 lets other users read the key"), "{text}");
+}
+
+/// A connection to the agent from this address of this host, which sends nothing.
+fn silent_connection(from: Ipv4Addr, agent: SocketAddrV4) -> OwnedFd {
+    let socket = net::socket(AddressFamily::INET, SocketType::STREAM, None).expect("a socket");
+    net::bind(&socket, &SocketAddrV4::new(from, 0)).expect("an address of this host");
+    net::connect(&socket, &agent).expect("the agent listens");
+    socket
+}
+
+#[test]
+fn hosts_without_the_key_keep_no_run_out() {
+    let host = OtherHost::start();
+    let agent = host.address().parse().expect("an address");
+    let silent: Vec<OwnedFd> = (0..100).map(|_| silent_connection(Ipv4Addr::new(127, 0, 0, 2), agent)).collect();
+    wait_for("the refusal of the last ones", || {
+        let text = "127.0.0.2:";
+        let is_refused = |line: &str| line.starts_with(text) && line.ends_with("have not shown the key yet");
+        (host.messages().lines().filter(|line| is_refused(line)).count() == 36).then_some(())
+    });
+    let checked = host.runs(Launch::misbehaving("", SOURCE, ""), "relay", RELAY, host.address()).with("--check").run();
+    assert_eq!(checked.status.code(), Some(0), "{}", output_text(&checked));
+    drop(silent);
 }

@@ -102,10 +102,15 @@ impl Launch {
     }
     /// [`Launch::start`] with further arguments.
     pub fn start_again(&self, arguments: &[&str]) -> Running {
+        self.spawn(self.command().args(arguments))
+    }
+    /// [`Launch::start`] with an environment variable.
+    pub fn start_with_env(&self, key: &str, value: &str) -> Running {
+        self.spawn(self.command().env(key, value))
+    }
+    fn spawn(&self, command: &mut Command) -> Running {
         let errors = std::fs::File::create(self.folder().join("stderr.txt")).expect("created");
-        let mut command = self.command();
-        let child =
-            command.args(arguments).stdout(Stdio::null()).stderr(errors).spawn().expect("replica-launch starts");
+        let child = command.stdout(Stdio::null()).stderr(errors).spawn().expect("replica-launch starts");
         Running::new(child, self.folder())
     }
     /// [`Launch::start`] by another user, who then owns the folder. Only the superuser may do so.

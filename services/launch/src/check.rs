@@ -14,21 +14,27 @@ use crate::run_folder::last_domain;
 use dataflow::StageProblem;
 use files::text_file::{MAX_SETTINGS_BYTES, read_text};
 use problems::Problems;
+pub use problems::Refusal;
 use run::launch_file::{LaunchFile, render};
 use run::{Change, CheckRequest, Context, DRIVE_MANIFEST, DescribeDriveRequest, DriveDescription, Mode};
+use stages::FileStages;
 use std::path::{Path, PathBuf};
 
-/// Reads and checks the launch file and everything that it names. Problems are rendered, in the order of the file.
-pub fn plan(path: &Path, changes: &[Change], selection: &Selection) -> Result<Plan, Vec<String>> {
-    let path = std::path::absolute(path).map_err(|error| vec![format!("{}: {error}", path.display())])?;
+/// Reads and checks the launch file and everything that it names.
+pub fn plan(path: &Path, changes: &[Change], selection: &Selection) -> Result<Plan, Refusal> {
+    let path = std::path::absolute(path).map_err(|error| {
+        let problems = vec![format!("{}: {error}", path.display())];
+        Refusal { problems, is_failure: false }
+    })?;
     plan_as(&path, &path, changes, selection)
 }
 
 /// [`plan`] from `copy` instead of the launch file at `path`. Both paths are absolute.
-pub fn plan_as(copy: &Path, path: &Path, changes: &[Change], selection: &Selection) -> Result<Plan, Vec<String>> {
+pub fn plan_as(copy: &Path, path: &Path, changes: &[Change], selection: &Selection) -> Result<Plan, Refusal> {
     let file = LaunchFile::load(copy, changes).map_err(|problems| {
         let text = read_text(copy, MAX_SETTINGS_BYTES).unwrap_or_default();
-        problems.iter().map(|problem| render(copy, &text, problem)).collect::<Vec<_>>()
+        let problems = problems.iter().map(|problem| render(copy, &text, problem)).collect();
+        Refusal { problems, is_failure: false }
     })?;
     let mut problems = Problems::new(&file);
     let mut run: Run = problems.table("run", |_| true);
@@ -41,9 +47,12 @@ pub fn plan_as(copy: &Path, path: &Path, changes: &[Change], selection: &Selecti
     if let Some(text) = lacks_shared_memory(last_domain(&output).as_ref()) {
         problems.add_without_place(text);
     }
-    let mut stages = stages::read(&mut problems, &folder, copy, changes, selection, &run);
+    let FileStages { described: mut stages, are_all } =
+        stages::read(&mut problems, &folder, copy, changes, selection, &run);
     let SelectedStages { remark, missing } = select(&mut stages, selection, &mut problems);
-    for StageProblem { stage, problem } in dataflow::connect(&mut stages, mode) {
+    let unconnected = dataflow::connect(&mut stages, mode);
+    // A stage that has not described itself may produce the missing topic.
+    for StageProblem { stage, problem } in unconnected.into_iter().filter(|_| are_all) {
         problems.add(&stage, problem);
     }
     if stages.is_empty() && problems.is_empty() {
@@ -57,9 +66,8 @@ pub fn plan_as(copy: &Path, path: &Path, changes: &[Change], selection: &Selecti
     let drive = rig.unwrap_or(drive);
     let context = Context { drive, output, launch_folder: folder, mode, connected, missing };
     check_settings(&stages, copy, changes, &context, &mut problems);
-    let problems = problems.into_rendered();
-    if !problems.is_empty() {
-        return Err(problems);
+    if let Some(refusal) = problems.into_refusal() {
+        return Err(refusal);
     }
     Ok(Plan {
         launch_file: path.to_owned(),
@@ -87,7 +95,7 @@ fn simulated_drive(problems: &mut Problems, copy: &Path, changes: &[Change], dri
             description
         }
         Err(error) => {
-            problems.add_at("simulate", problems.place_of("simulate"), error.to_string());
+            problems.add_program("simulate", problems.place_of("simulate"), &error);
             DriveDescription::default()
         }
     }
@@ -226,7 +234,7 @@ fn check_settings(
     for (stage, checked) in stages.iter().zip(checked) {
         match checked {
             Ok(found) => problems.add_located(found),
-            Err(error) => problems.add_at(&stage.name, stage.span.clone(), error.to_string()),
+            Err(error) => problems.add_program(&stage.name, stage.span.clone(), &error),
         }
     }
 }

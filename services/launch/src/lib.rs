@@ -44,6 +44,7 @@ mod supervise;
 mod swap;
 mod swap_record;
 
+use check::Refusal;
 use clap::{CommandFactory, Parser};
 use log::LogFormat;
 use plan::{Plan, Selection};
@@ -139,15 +140,7 @@ pub fn main() -> ExitCode {
     let selection = Selection { source: arguments.source, without: arguments.without, recorded: arguments.topics };
     let plan = match check::plan(&arguments.launch_file, &changes, &selection) {
         Ok(plan) => plan,
-        Err(problems) => {
-            for problem in &problems {
-                tracing::error!(kind = "problem", "{problem}");
-            }
-            let file = arguments.launch_file.display();
-            let plural = if problems.len() == 1 { "" } else { "s" };
-            tracing::error!("{file}: {} problem{plural}", problems.len());
-            return ExitCode::from(exit::CONFIGURATION);
-        }
+        Err(refusal) => return ExitCode::from(report_refusal(&arguments.launch_file, &refusal)),
     };
     if arguments.graph {
         return print(&check::dataflow::mermaid(&plan.stages));
@@ -163,6 +156,18 @@ pub fn main() -> ExitCode {
         (false, false) => Start::New,
     };
     ExitCode::from(supervise::run(plan, Options { start, log, metrics, record }))
+}
+
+/// Reports why the launch file is not used. Returns the exit code.
+fn report_refusal(launch_file: &Path, refusal: &Refusal) -> u8 {
+    let Refusal { problems, is_failure } = refusal;
+    for problem in problems {
+        tracing::error!(kind = "problem", "{problem}");
+    }
+    let plural = if problems.len() == 1 { "" } else { "s" };
+    let advice = if *is_failure { "; a program failed during the check, so try again" } else { "" };
+    tracing::error!("{}: {} problem{plural}{advice}", launch_file.display(), problems.len());
+    if *is_failure { exit::FAILED } else { exit::CONFIGURATION }
 }
 
 /// The answer to `--check` without problems: a preview of a start.

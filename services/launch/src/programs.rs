@@ -6,7 +6,8 @@ use run::{CheckRequest, DescribeDriveRequest, DescribeRequest, DriveDescription}
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use settings::{Problem, nearest_key};
-use std::io::Read;
+use std::io::{ErrorKind, Read};
+use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitStatus, Stdio};
 use std::thread::JoinHandle;
@@ -14,6 +15,9 @@ use std::time::{Duration, Instant};
 
 /// Longest wait for an answer. A program that describes itself does nothing else in the meantime.
 const ANSWER_TIMEOUT: Duration = Duration::from_secs(30);
+
+/// `ENOEXEC`: the file is not a program of this machine.
+const NOT_EXECUTABLE: i32 = 8;
 
 /// A program that cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -83,6 +87,21 @@ pub enum ProgramError {
         /// Parse error.
         source: serde_json::Error,
     },
+}
+
+impl ProgramError {
+    /// Whether the program or the machine failed: the launch file may be valid, and another attempt may succeed.
+    pub fn is_failure(&self) -> bool {
+        match self {
+            Self::Read { .. } | Self::Timeout { .. } => true,
+            Self::Failed { status, .. } => status.signal().is_some(),
+            Self::Start { source, .. } => {
+                !matches!(source.kind(), ErrorKind::NotFound | ErrorKind::PermissionDenied)
+                    && source.raw_os_error() != Some(NOT_EXECUTABLE)
+            }
+            Self::Absent { .. } | Self::UnknownStage { .. } | Self::NotBesideThis(_) | Self::Answer { .. } => false,
+        }
+    }
 }
 
 /// The program of a table: the value of the key `program` ([`named_program`]), or `replica-<table>` in the folder of

@@ -56,7 +56,7 @@ struct Swap {
 
 enum Phase {
     /// A thread checks the new plan; the run does not wait for it.
-    Checking(JoinHandle<Result<Plan, Vec<String>>>),
+    Checking(JoinHandle<Result<Plan, check::Refusal>>),
     /// The source pauses after a barrier, and all other stages reach it.
     Draining(Box<Plan>),
     /// All stages were restarted from the barrier, and the sink has not finished a tick yet.
@@ -146,7 +146,8 @@ impl Swaps {
         let phase = match phase {
             Phase::Checking(thread) if !thread.is_finished() => Some(Phase::Checking(thread)),
             Phase::Checking(thread) => {
-                let checked = thread.join().unwrap_or_else(|_| Err(vec!["the check panicked".to_owned()]));
+                let checked = thread.join().map_err(|_| vec!["the check panicked".to_owned()]);
+                let checked = checked.and_then(|checked| checked.map_err(|refusal| refusal.problems));
                 match checked.and_then(|plan| compatible(plan, &run.plan, &request.stage)) {
                     Ok(plan) => {
                         control.working(client, "draining to a barrier");
@@ -294,7 +295,7 @@ impl Swaps {
         let copy = run.folder.launch_copy();
         let selection = run.plan.selection.clone();
         let plan = check::plan_as(&copy, &run.plan.launch_file, &changes, &selection)
-            .map_err(|problems| SwapError::NoLongerValid(problems.join("\n")))?;
+            .map_err(|refusal| SwapError::NoLongerValid(refusal.problems.join("\n")))?;
         let context = std::mem::replace(&mut run.plan, plan).context;
         run.plan.context = context;
         let files = Files::read(&run.plan, &run.files).map_err(RunFolderError::from)?;

@@ -11,7 +11,7 @@ use rustix::net::sockopt;
 use rustix::process::{Pid, Signal, kill_process_group};
 use std::collections::BTreeMap;
 use std::io::{Read, Write};
-use std::net::{Shutdown, TcpListener, TcpStream};
+use std::net::{IpAddr, Shutdown, TcpListener, TcpStream};
 use std::os::fd::OwnedFd;
 use std::os::unix::net::UnixStream;
 use std::os::unix::process::CommandExt;
@@ -21,8 +21,13 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-/// Largest number of simultaneous connections: a run has a stage or two here, and a check connects for each of them.
+/// Largest number of simultaneous connections with the key: a run has a stage or two here, and a check connects for each
+/// of them.
 const MAX_SESSIONS: usize = 64;
+/// Largest number of simultaneous handshakes, in all and with one host: whoever has no key cannot keep other hosts out.
+/// A handshake takes milliseconds, and at most seconds.
+const MAX_HANDSHAKES: usize = 256;
+const MAX_HANDSHAKES_PER_HOST: usize = 64;
 /// Longest silence of a client before its request.
 const REQUEST_TIMEOUT: Duration = Duration::from_secs(10);
 /// Time after which a silent client whose host or network has failed is given up.
@@ -44,6 +49,8 @@ pub struct Agent {
     /// Receives a line about each session.
     pub report: fn(&str),
     sessions: Mutex<BTreeMap<String, (usize, TcpStream)>>,
+    /// Number of handshakes with each host.
+    handshakes: Mutex<BTreeMap<IpAddr, usize>>,
     n_sessions: AtomicUsize,
     n_started: AtomicUsize,
 }
@@ -51,8 +58,8 @@ pub struct Agent {
 impl Agent {
     /// An agent without sessions.
     pub fn new(key: Key, folder: PathBuf, version: String, report: fn(&str)) -> Self {
-        let (sessions, n_sessions, n_started) = Default::default();
-        Self { key, folder, version, report, sessions, n_sessions, n_started }
+        let (sessions, handshakes, n_sessions, n_started) = Default::default();
+        Self { key, folder, version, report, sessions, handshakes, n_sessions, n_started }
     }
 
     /// Serves connections, each in its own thread. Does not return.
@@ -73,22 +80,46 @@ impl Agent {
     }
 
     fn serve_one(&self, stream: TcpStream) {
-        let peer = stream.peer_addr().map_or_else(|_| "unknown".to_owned(), |address| address.to_string());
-        let result = if self.n_sessions.fetch_add(1, Ordering::Relaxed) < MAX_SESSIONS {
-            self.session(&peer, stream)
-        } else {
-            Err(LinkError::TooMany { peer, limit: MAX_SESSIONS })
-        };
-        self.n_sessions.fetch_sub(1, Ordering::Relaxed);
+        // The host has closed the connection before it was accepted.
+        let Ok(address) = stream.peer_addr() else { return };
+        let peer = address.to_string();
+        let result = self.shake_hands(&peer, address.ip(), stream).and_then(|(sender, receiver)| {
+            let is_served = self.n_sessions.fetch_add(1, Ordering::Relaxed) < MAX_SESSIONS;
+            let too_many = || LinkError::TooMany { peer: peer.clone(), limit: MAX_SESSIONS };
+            let result = if is_served { self.session(&peer, sender, receiver) } else { Err(too_many()) };
+            self.n_sessions.fetch_sub(1, Ordering::Relaxed);
+            result
+        });
         if let Err(error) = result {
             (self.report)(&error.to_string());
         }
     }
 
-    fn session(&self, peer: &str, stream: TcpStream) -> Result<(), LinkError> {
+    /// Checks the key of the other end.
+    fn shake_hands(&self, peer: &str, host: IpAddr, stream: TcpStream) -> Result<(Sender, Receiver), LinkError> {
+        {
+            let mut handshakes = lock(&self.handshakes);
+            let n_all: usize = handshakes.values().sum();
+            let n_host = handshakes.entry(host).or_default();
+            if n_all >= MAX_HANDSHAKES || *n_host >= MAX_HANDSHAKES_PER_HOST {
+                return Err(LinkError::TooManyHandshakes { peer: peer.to_owned() });
+            }
+            *n_host += 1;
+        }
         let ended = |source| LinkError::Ended { peer: peer.to_owned(), source };
-        notice_lost_peer(&stream).map_err(ended)?;
-        let (mut sender, mut receiver) = accept(stream, &self.key)?;
+        let shaken = notice_lost_peer(&stream).map_err(ended).and_then(|()| accept(stream, &self.key));
+        let mut handshakes = lock(&self.handshakes);
+        if let Some(n_host) = handshakes.get_mut(&host) {
+            *n_host -= 1;
+            if *n_host == 0 {
+                handshakes.remove(&host);
+            }
+        }
+        shaken
+    }
+
+    fn session(&self, peer: &str, mut sender: Sender, mut receiver: Receiver) -> Result<(), LinkError> {
+        let ended = |source| LinkError::Ended { peer: peer.to_owned(), source };
         sender.set_timeout(Some(REQUEST_TIMEOUT)).map_err(ended)?;
         let wanted: StageProgram = receive(&mut receiver).map_err(ended)?;
         let (answer, started): (Answer, _) = match self.start(&wanted) {
@@ -102,32 +133,30 @@ impl Agent {
         };
         let number = self.n_started.fetch_add(1, Ordering::Relaxed);
         if let Some(session) = &wanted.session {
-            (self.report)(&format!("{peer}: {session} started (process {})", child.id()));
+            // It may have several lines, which would look like lines of the agent.
+            let name = session.escape_debug();
+            (self.report)(&format!("{peer}: {name} started (process {})", child.id()));
             self.replace(session, number, sender.stream());
         }
         let passed = answered.and_then(|()| pass(&socket, sender, receiver));
         let status = end(&mut child);
         if let Some(session) = &wanted.session {
-            let mut sessions = self.sessions();
+            let mut sessions = lock(&self.sessions);
             if sessions.get(session).is_some_and(|(current, _)| *current == number) {
                 sessions.remove(session);
             }
             drop(sessions);
             let cause = passed.err().map(|error| format!(", {error}")).unwrap_or_default();
-            (self.report)(&format!("{peer}: {session} ended ({status}{cause})"));
+            (self.report)(&format!("{peer}: {} ended ({status}{cause})", session.escape_debug()));
         }
         Ok(())
-    }
-
-    fn sessions(&self) -> MutexGuard<'_, BTreeMap<String, (usize, TcpStream)>> {
-        self.sessions.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Ends the program that was started for the same stage of the same run: that run has lost its connection to the
     /// program.
     fn replace(&self, session: &str, number: usize, stream: &TcpStream) {
         let Ok(stream) = stream.try_clone() else { return };
-        if let Some((_, before)) = self.sessions().insert(session.to_owned(), (number, stream)) {
+        if let Some((_, before)) = lock(&self.sessions).insert(session.to_owned(), (number, stream)) {
             // It may have ended in the meantime.
             let _ = before.shutdown(Shutdown::Both);
         }
@@ -143,6 +172,9 @@ impl Agent {
             ));
         }
         let program = program_path(&self.folder, wanted)?;
+        if program.extension().is_some_and(|extension| extension == "py") {
+            check_interpreter(&wanted.python)?;
+        }
         let failed = |error: std::io::Error| format!("{}: cannot be started: {error}", program.display());
         let python = interpreter(&wanted.python, &self.folder);
         let mut command = stage_command(&program, &python, wanted.threads);
@@ -170,11 +202,33 @@ fn program_path(folder: &Path, wanted: &StageProgram) -> Result<PathBuf, String>
         }
         return sibling(&format!("replica-{}", wanted.table)).map_err(|error| error.to_string());
     }
-    let named = Path::new(&wanted.program);
-    if !named.components().all(|component| matches!(component, Component::Normal(_) | Component::CurDir)) {
+    if !is_in_folder(&wanted.program) {
         return Err(format!("program {}: must be a path in the agent's folder, without `..`", wanted.program));
     }
     named_program(&wanted.program, folder).map_err(|error| error.to_string())
+}
+
+/// Refuses an interpreter that is neither a Python of the search path nor in the agent's folder: the key permits programs
+/// of this folder only.
+fn check_interpreter(python: &str) -> Result<(), String> {
+    let is_python = |command: &str| {
+        let version = command.strip_prefix("python").or_else(|| command.strip_prefix("pypy"));
+        version.is_some_and(|version| version.bytes().all(|b| b.is_ascii_digit() || b == b'.'))
+    };
+    if is_python(python) || python.contains('/') && is_in_folder(python) {
+        return Ok(());
+    }
+    Err(format!(
+        "python {python}: must be `python3`, `python3.N` or `pypy3`, or a path in the agent's folder, without `..`"
+    ))
+}
+
+fn is_in_folder(path: &str) -> bool {
+    Path::new(path).components().all(|component| matches!(component, Component::Normal(_) | Component::CurDir))
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Makes the kernel report a client whose host or network has failed, even if nothing is sent. There is no limit for
@@ -235,4 +289,20 @@ fn end(child: &mut Child) -> String {
         let _ = kill_process_group(group, Signal::KILL);
     }
     child.wait().map_or_else(|error| error.to_string(), |status| status.to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn interpreter_is_a_python_or_in_the_folder() {
+        for python in ["python3", "python3.11", "pypy3", "venv/bin/python", "./python"] {
+            assert_eq!(check_interpreter(python), Ok(()), "{python}");
+        }
+        for python in ["/bin/sh", "sh", "../venv/bin/python", "/usr/bin/python3", "", "python3 -c"] {
+            let text = check_interpreter(python).expect_err("refused");
+            assert!(text.starts_with(&format!("python {python}: must be `python3`")), "{text}");
+        }
+    }
 }

@@ -17,7 +17,7 @@ use snow::{Builder, StatelessTransportState};
 use std::io::{Error, ErrorKind, Read, Write};
 use std::net::{TcpStream, ToSocketAddrs};
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Version of the link. Raised with each change of the data on the connection, including `stage::remote`.
 pub const VERSION: u32 = 2;
@@ -31,7 +31,9 @@ const OTHER_KEY: [u8; 2] = [0; 2];
 const MESSAGE_BYTES: usize = 65535;
 /// Bytes of the tag of each message.
 const TAG_BYTES: usize = 16;
-/// Longest silence of an end during the handshake.
+/// Bytes of a message of the handshake: a public key and a tag. Whoever has no key can send no more.
+const HANDSHAKE_BYTES: usize = 32 + TAG_BYTES;
+/// Longest duration of a handshake, however often the other end sends a byte.
 const HANDSHAKE_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Connects to the agent at `address` (`HOST:PORT`).
@@ -66,12 +68,12 @@ fn hello() -> [u8; HELLO_BYTES] {
     hello
 }
 
-fn shake_hands(mut stream: TcpStream, peer: &str, key: &Key, end: End) -> Result<(Sender, Receiver), LinkError> {
+fn shake_hands(stream: TcpStream, peer: &str, key: &Key, end: End) -> Result<(Sender, Receiver), LinkError> {
     let ended = |source: Error| LinkError::Ended { peer: peer.to_owned(), source };
     let other_key = |_: snow::Error| LinkError::Key { peer: peer.to_owned() };
     stream.set_nodelay(true).map_err(ended)?;
-    set_timeout(&stream, Some(HANDSHAKE_TIMEOUT)).map_err(ended)?;
-    check_hello(&mut stream, peer)?;
+    let mut timed = DeadlineStream { stream: &stream, deadline: Instant::now() + HANDSHAKE_TIMEOUT };
+    check_hello(&mut timed, peer)?;
     let pattern = PATTERN.parse().map_err(other_key)?;
     let covered = hello();
     let build = |builder: Builder<'_>| match end {
@@ -80,19 +82,19 @@ fn shake_hands(mut stream: TcpStream, peer: &str, key: &Key, end: End) -> Result
     };
     let builder = Builder::new(pattern).prologue(&covered).and_then(|builder| builder.psk(0, &key.0));
     let mut handshake = builder.and_then(build).map_err(other_key)?;
-    let mut buffer = vec![0; MESSAGE_BYTES];
+    let mut buffer = [0; HANDSHAKE_BYTES];
     while !handshake.is_handshake_finished() {
         if handshake.is_my_turn() {
             let len = handshake.write_message(&[], &mut buffer).map_err(other_key)?;
             let framed = [&(len as u16).to_le_bytes()[..], &buffer[..len]].concat();
-            stream.write_all(&framed).map_err(ended)?;
+            timed.write_all(&framed).map_err(ended)?;
         } else {
-            let message = read_message(&mut stream, &mut buffer).map_err(ended)?;
+            let message = read_message(&mut timed, &mut buffer).map_err(ended)?;
             let message = message.ok_or_else(|| ended(ErrorKind::UnexpectedEof.into()))?;
             if let Err(error) = handshake.read_message(message, &mut []) {
                 // Whether or not the other end receives it, this end has the error. An end that is only cut off tries
                 // again.
-                let _ = stream.write_all(&OTHER_KEY);
+                let _ = timed.write_all(&OTHER_KEY);
                 return Err(other_key(error));
             }
         }
@@ -103,7 +105,39 @@ fn shake_hands(mut stream: TcpStream, peer: &str, key: &Key, end: End) -> Result
     Ok((Sender::new(sender, Arc::clone(&state)), Receiver::new(stream, state)))
 }
 
-fn check_hello(stream: &mut TcpStream, peer: &str) -> Result<(), LinkError> {
+/// A connection whose reads and writes all fail after a deadline.
+struct DeadlineStream<'a> {
+    stream: &'a TcpStream,
+    deadline: Instant,
+}
+
+impl DeadlineStream<'_> {
+    /// Limits the next call to the time that is left.
+    fn limit(&self) -> std::io::Result<()> {
+        let left = self.deadline.saturating_duration_since(Instant::now());
+        if left.is_zero() { Err(ErrorKind::TimedOut.into()) } else { set_timeout(self.stream, Some(left)) }
+    }
+}
+
+impl Read for DeadlineStream<'_> {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        self.limit()?;
+        self.stream.read(buffer)
+    }
+}
+
+impl Write for DeadlineStream<'_> {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.limit()?;
+        self.stream.write(bytes)
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        self.stream.flush()
+    }
+}
+
+fn check_hello(stream: &mut DeadlineStream<'_>, peer: &str) -> Result<(), LinkError> {
     let mut theirs = [0; HELLO_BYTES];
     let exchanged = stream.write_all(&hello()).and_then(|()| stream.read_exact(&mut theirs));
     exchanged.map_err(|source| LinkError::Ended { peer: peer.to_owned(), source })?;
@@ -122,8 +156,9 @@ fn set_timeout(stream: &TcpStream, timeout: Option<Duration>) -> std::io::Result
     stream.set_write_timeout(timeout)
 }
 
-/// The next message on the wire; `None` if the other end has closed the connection before it.
-fn read_message<'a>(stream: &mut TcpStream, buffer: &'a mut [u8]) -> std::io::Result<Option<&'a [u8]>> {
+/// The next message on the wire, which must fit into `buffer`; `None` if the other end has closed the connection before
+/// it.
+fn read_message<'a>(stream: &mut impl Read, buffer: &'a mut [u8]) -> std::io::Result<Option<&'a [u8]>> {
     let mut len = [0; 2];
     let n = loop {
         match stream.read(&mut len) {
@@ -135,7 +170,11 @@ fn read_message<'a>(stream: &mut TcpStream, buffer: &'a mut [u8]) -> std::io::Re
         }
     };
     stream.read_exact(&mut len[n..])?;
-    let message = &mut buffer[..u16::from_le_bytes(len) as usize];
+    let len = usize::from(u16::from_le_bytes(len));
+    let limit = buffer.len();
+    let too_long =
+        || Error::new(ErrorKind::InvalidData, format!("a message of {len} bytes; up to {limit} are allowed"));
+    let message = buffer.get_mut(..len).ok_or_else(too_long)?;
     stream.read_exact(message)?;
     Ok(Some(message))
 }
@@ -327,6 +366,33 @@ mod tests {
         let expected = format!("has version {} of the link, this program has {VERSION}", VERSION + 1);
         assert!(error.contains(&expected), "{error}");
         assert!(matches!(refused(b"GET / HTTP/1.1\r\n\r\n"), LinkError::Foreign { .. }));
+    }
+
+    #[test]
+    fn message_of_the_handshake_is_as_long_as_a_key_and_a_tag() {
+        let long = [&hello()[..], &49_u16.to_le_bytes(), &[0; 49]].concat();
+        let error = refused(&long);
+        let LinkError::Ended { source, .. } = &error else { panic!("{error}") };
+        assert_eq!(source.to_string(), "a message of 49 bytes; up to 48 are allowed");
+    }
+
+    #[test]
+    fn handshake_ends_at_its_deadline_however_often_a_byte_arrives() {
+        let (listener, address) = listener();
+        let mut slow = TcpStream::connect(address).expect("connects");
+        let stream = listener.accept().expect("a connection").0;
+        let mut timed = DeadlineStream { stream: &stream, deadline: Instant::now() + Duration::from_millis(200) };
+        std::thread::scope(|scope| {
+            // More bytes than arrive before the deadline; the connection is closed after it.
+            scope.spawn(move || {
+                while slow.write_all(&[0]).is_ok() {
+                    std::thread::park_timeout(Duration::from_millis(20));
+                }
+            });
+            let error = timed.read_exact(&mut vec![0; 1 << 16]).expect_err("the deadline");
+            assert!(matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::WouldBlock), "{error}");
+            stream.shutdown(std::net::Shutdown::Both).expect("closed");
+        });
     }
 
     /// A message with one bit changed in transit is not delivered.

@@ -73,6 +73,12 @@ pub enum LinkError {
         /// The other end.
         peer: String,
     },
+    /// Too many connections have not shown the key yet.
+    #[error("{peer}: not served, too many connections have not shown the key yet")]
+    TooManyHandshakes {
+        /// The other end.
+        peer: String,
+    },
     /// The agent serves no more connections.
     #[error("{peer}: not served, there are {limit} connections")]
     TooMany {

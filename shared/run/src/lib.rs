@@ -19,7 +19,8 @@
 //! | [`control`] | requests to a running supervisor |
 //! | [`summary`], [`Outcome`] | `summary.json`; how a run ended, and the exit code for it |
 //! | [`space`] | free space of file systems |
-//! | [`terminal`] | size and colors of a terminal |
+//! | [`terminal`] | size and colors of a terminal; printable text |
+//! | [`threads`] | bound of the number of threads |
 //! | [`process`], [`histogram`] | statistics of a process from the operating system; durations |
 //!
 //! The crate must never start a stage, decide about one, or touch a point: `launch` does the first two, the stages the
@@ -48,6 +49,7 @@ pub mod space;
 pub mod state_file;
 pub mod summary;
 pub mod terminal;
+pub mod threads;
 pub mod wiring;
 
 pub use change::{Change, ChangeError};

@@ -1,5 +1,6 @@
 //! Statistics of this process and its program from the operating system.
 
+use crate::threads::{bounded_environment, max_threads};
 use rustix::time::{ClockId, clock_gettime};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -122,7 +123,8 @@ pub fn stage_command(program: &Path, python: &str, n_threads: usize) -> Command 
         command.env("PYTHONHASHSEED", "0").env("PYTHONUNBUFFERED", "1").arg(program);
         command
     };
-    if n_threads > 0 {
+    let n_threads = if n_threads > 0 { Some(n_threads.min(max_threads())) } else { bounded_environment() };
+    if let Some(n_threads) = n_threads {
         // Thread counts of Rust and of OpenMP in Python libraries.
         let n_threads = n_threads.to_string();
         command.env("RAYON_NUM_THREADS", &n_threads).env("OMP_NUM_THREADS", n_threads);

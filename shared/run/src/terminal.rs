@@ -1,6 +1,8 @@
-//! The terminal on which a screen is redrawn: its size, lines that fit, colors.
+//! Text on terminals: characters that a terminal prints, and screens that are redrawn with their size, lines that fit and
+//! colors.
 
 use rustix::termios::tcgetwinsize;
+use std::borrow::Cow;
 use std::io::IsTerminal;
 use std::os::fd::AsFd;
 
@@ -44,7 +46,7 @@ impl Screen {
 
     /// The line with this emphasis, cut to the width of the terminal: a line that wraps would spoil the next redraw.
     pub fn line(self, text: &str, style: Option<Style>) -> String {
-        let text = clip(text, self.columns);
+        let text = clip(&printable(text), self.columns);
         let code = match style.filter(|_| self.has_colors) {
             None => return text,
             Some(Style::Bold) => 1,
@@ -53,6 +55,22 @@ impl Screen {
         };
         format!("\x1b[{code}m{text}\x1b[0m")
     }
+}
+
+/// The text with escapes such as `\u{1b}` in place of characters that control a terminal or reverse the direction of
+/// writing; lines and tabs stay. Names of files, drives and sessions may come from third parties.
+pub fn printable(text: &str) -> Cow<'_, str> {
+    let is_harmless = |c: char| !(c.is_control() || reverses_direction(c)) || c == '\n' || c == '\t';
+    if text.chars().all(is_harmless) {
+        return Cow::Borrowed(text);
+    }
+    let escaped = text.chars().map(|c| if is_harmless(c) { c.to_string() } else { c.escape_unicode().to_string() });
+    Cow::Owned(escaped.collect())
+}
+
+/// Embeddings, overrides and isolates of the Unicode bidirectional algorithm.
+fn reverses_direction(c: char) -> bool {
+    matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }
 
 /// The first characters of a text, with `…` in place of the rest.
@@ -70,6 +88,15 @@ mod tests {
     #[test]
     fn file_is_no_screen() {
         assert_eq!(Screen::from_output(&tempfile::tempfile().expect("a file")), None);
+    }
+
+    #[test]
+    fn characters_that_control_a_terminal_are_escaped() {
+        assert_eq!(printable("Straße\t1\nläuft"), "Straße\t1\nläuft");
+        assert_eq!(printable("a\x1b[2J\rb"), "a\\u{1b}[2J\\u{d}b");
+        assert_eq!(printable("\u{9b}31m \u{202e}gpj.exe"), "\\u{9b}31m \\u{202e}gpj.exe");
+        let screen = Screen { columns: 40, rows: 24, has_colors: false };
+        assert_eq!(screen.line("\x1b]0;title", None), "\\u{1b}]0;title");
     }
 
     #[test]

@@ -164,7 +164,7 @@ impl Fault {
             FaultKind::Stall => stall(),
             FaultKind::Works => {
                 let begun = processor_time();
-                while processor_time() - begun < WORK {}
+                while processor_time().saturating_sub(begun) < WORK {}
                 Ok(())
             }
             FaultKind::None

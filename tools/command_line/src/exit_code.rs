@@ -1,6 +1,7 @@
 //! Exit codes of the commands. The help of each program lists them.
 
 use crate::error_text::error_text;
+use crate::say_error;
 use crate::usage_error::UsageError;
 use std::process::ExitCode;
 
@@ -16,7 +17,7 @@ fn from_error(error: &anyhow::Error) -> ExitCode {
 /// The exit code of a command that has ended. Prints its error to stderr.
 pub fn from_result(done: anyhow::Result<ExitCode>) -> ExitCode {
     done.unwrap_or_else(|error| {
-        eprintln!("error: {}", error_text(&error));
+        say_error!("error: {}", error_text(&error));
         from_error(&error)
     })
 }

@@ -1,5 +1,6 @@
-//! Ctrl-C, and a stdout that its reader has closed.
+//! Ctrl-C, lines on stdout and stderr, and a stdout that its reader has closed.
 
+use run::terminal::printable;
 use std::fmt::Arguments;
 use std::io::{self, ErrorKind, Write};
 use std::process::ExitCode;
@@ -36,10 +37,22 @@ macro_rules! say {
 
 /// See [`say`].
 pub fn print_line(line: Arguments<'_>) -> io::Result<()> {
-    match writeln!(io::stdout(), "{line}") {
+    match writeln!(io::stdout(), "{}", printable(&line.to_string())) {
         Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
         printed => printed,
     }
+}
+
+/// Prints a line to stderr, like `eprintln!`: warnings, errors, progress.
+#[macro_export]
+macro_rules! say_error {
+    ($($line:tt)*) => { $crate::terminal::print_error_line(format_args!($($line)*)) };
+}
+
+/// See [`say_error`].
+pub fn print_error_line(line: Arguments<'_>) {
+    // Without stderr, there is nobody to tell.
+    let _ = writeln!(io::stderr(), "{}", printable(&line.to_string()));
 }
 
 /// Turns a closed stdout into success: the reader of the pipe (for example `head`) needs no more.

@@ -10,6 +10,7 @@ mod series;
 use anyhow::{Context, bail};
 use command_line::answer::Answer;
 use command_line::exit_code;
+use command_line::say_error;
 use configuration::Configuration;
 use machine::Machine;
 use measured_run::{Failure, measure};
@@ -73,7 +74,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
             if !measured && turn > 0 {
                 break;
             }
-            eprintln!("run {round} of {}: {configuration}", args.runs);
+            say_error!("run {round} of {}: {configuration}", args.runs);
             let summary = match measure(&args.launch_file, &args.overrides, configuration, output.path(), None) {
                 Ok(summary) => summary,
                 Err(Failure::Ended(code)) => return Ok(ExitCode::from(code)),
@@ -86,7 +87,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     let mut report = Report::new(&args.launch_file, args.runs, machine, series);
     if args.profile {
-        eprintln!("run under perf: {}", configurations[0]);
+        say_error!("run under perf: {}", configurations[0]);
         let data = output.path().join("perf.data");
         match measure(&args.launch_file, &args.overrides, configurations[0], output.path(), Some(&data)) {
             Ok(_) => report.profiles = profile::read(&data)?,
@@ -96,7 +97,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     args.answer.print(&report, || report.markdown(args.stages))?;
     for file in write(&report, args)? {
-        eprintln!("{}", file.display());
+        say_error!("{}", file.display());
     }
     Ok(ExitCode::from(if report.runs_agree() { 0 } else { exit_code::INCOMPLETE }))
 }

@@ -29,5 +29,6 @@ mod true_points;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
+    command_line::threads::bound();
     command_line::exit_code::from_result(cli::parse().run())
 }

@@ -27,6 +27,7 @@ mod tests;
 
 use anyhow::Context;
 use command_line::argument::words;
+use command_line::say_error;
 use files::atomic_file::write_atomic;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use messages::ClassId;
@@ -131,7 +132,7 @@ fn train<R: TrainingRecipe>(recipe: &R, args: &Args) -> anyhow::Result<ExitCode>
     let checkpoint = args.out.join(CHECKPOINT);
     if checkpoint.exists() {
         trainer.resume(&checkpoint)?;
-        eprintln!("resuming after epoch {} from {}", trainer.curves().epochs.len(), checkpoint.display());
+        say_error!("resuming after epoch {} from {}", trainer.curves().epochs.len(), checkpoint.display());
     }
     let is_done = |trainer: &Trainer<R::Network>| {
         trainer.is_done() || args.stop_after.is_some_and(|n| trainer.curves().epochs.len() >= n)

@@ -1,5 +1,6 @@
 //! Collects the problems of a launch file.
 
+use crate::programs::ProgramError;
 use run::launch_file::LaunchFile;
 use settings::{Problem, Settings, nearest_key, parse_table};
 use std::ops::Range;
@@ -9,12 +10,22 @@ use std::path::{Path, PathBuf};
 pub struct Problems<'a> {
     file: &'a LaunchFile,
     problems: Vec<Problem>,
+    has_failure: bool,
+}
+
+/// Why a launch file is not used.
+#[derive(Debug)]
+pub struct Refusal {
+    /// The rendered problems, in the order of the file.
+    pub problems: Vec<String>,
+    /// Whether a program was killed or gave no answer: not the launch file is to blame, and another attempt may succeed.
+    pub is_failure: bool,
 }
 
 impl<'a> Problems<'a> {
     /// An empty collection.
     pub fn new(file: &'a LaunchFile) -> Self {
-        Self { file, problems: Vec::new() }
+        Self { file, problems: Vec::new(), has_failure: false }
     }
 
     /// The file without the borrow of the problems.
@@ -52,6 +63,12 @@ impl<'a> Problems<'a> {
     /// Adds a problem of a table at `span`.
     pub fn add_at(&mut self, table: &str, span: Option<Range<usize>>, text: String) {
         self.add(table, Problem { key: String::new(), span, text });
+    }
+
+    /// Adds a problem with the program of a table at `span`.
+    pub fn add_program(&mut self, table: &str, span: Option<Range<usize>>, error: &ProgramError) {
+        self.has_failure |= error.is_failure();
+        self.add_at(table, span, error.to_string());
     }
 
     /// Adds a problem of the file as a whole.
@@ -102,10 +119,14 @@ impl<'a> Problems<'a> {
         path.canonicalize().unwrap_or(path)
     }
 
-    /// The rendered problems in the order of the file; problems without a position come first.
-    pub fn into_rendered(mut self) -> Vec<String> {
+    /// The refusal with these problems, if there are any. Problems without a position come first.
+    pub fn into_refusal(mut self) -> Option<Refusal> {
+        if self.problems.is_empty() {
+            return None;
+        }
         self.problems.sort_by_key(|problem| problem.span.as_ref().map(|span| span.start));
         self.problems.dedup();
-        self.problems.iter().map(|problem| self.file.render(problem)).collect()
+        let problems = self.problems.iter().map(|problem| self.file.render(problem)).collect();
+        Some(Refusal { problems, is_failure: self.has_failure })
     }
 }

@@ -20,6 +20,14 @@ struct Table {
     remote: Option<Remote>,
 }
 
+/// The stages of a launch file.
+pub struct FileStages {
+    /// The stages whose programs have described themselves.
+    pub described: Vec<PlannedStage>,
+    /// Whether these are all stages of the file, so that a topic without a producer is a problem.
+    pub are_all: bool,
+}
+
 /// Reads all stages of the file except deselected ones, in its order.
 pub fn read(
     problems: &mut Problems,
@@ -28,7 +36,7 @@ pub fn read(
     changes: &[Change],
     selection: &Selection,
     run: &Run,
-) -> Vec<PlannedStage> {
+) -> FileStages {
     let tables = tables(problems, folder, &selection.without, run);
     let described = programs::ask_all(&tables, |table| {
         let request = DescribeRequest {
@@ -44,8 +52,11 @@ pub fn read(
         programs::describe(&program, &table.keys.python, &request)
             .map(|description| DescribedProgram { program, description })
     });
+    let n_tables = tables.len();
     let described = tables.into_iter().zip(described);
-    described.filter_map(|(table, described)| planned(table, described, folder, problems)).collect()
+    let planned = described.filter_map(|(table, described)| planned(table, described, folder, problems));
+    let described: Vec<PlannedStage> = planned.collect();
+    FileStages { are_all: described.len() == n_tables, described }
 }
 
 fn tables(problems: &mut Problems, folder: &Path, without: &[String], run: &Run) -> Vec<Table> {
@@ -86,7 +97,7 @@ fn planned(
     let DescribedProgram { program, mut description } = match described {
         Ok(described) => described,
         Err(error) => {
-            problems.add_at(&name, span, error.to_string());
+            problems.add_program(&name, span, &error);
             return None;
         }
     };

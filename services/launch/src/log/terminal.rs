@@ -4,7 +4,7 @@
 use super::fields::Fields;
 use super::write_stderr;
 use crate::stage_figures::StageFigures;
-use run::terminal::{Screen, Style, clip};
+use run::terminal::{Screen, Style, clip, printable};
 use serde_json::Value;
 use std::fmt::Write as _;
 use std::sync::{Mutex, PoisonError};
@@ -75,9 +75,10 @@ impl<S: Subscriber> Layer<S> for TerminalLayer {
         };
         // Messages may be longer than a line.
         let unlimited = |screen: Screen| Screen { columns: usize::MAX, ..screen };
-        let mut text = screen.map_or(message.clone(), |screen| unlimited(screen).line(&message, style)) + "\n";
+        let line = |screen| unlimited(screen).line(&message, style);
+        let mut text = screen.map_or_else(|| printable(&message).into_owned(), line) + "\n";
         if kind == "fault" {
-            text += &last_log_lines(&mut fields);
+            text += &printable(&last_log_lines(&mut fields));
         }
         if kind == "done" { self.write_below(&text) } else { self.write(&text, |_| ()) }
     }

@@ -1,7 +1,7 @@
 //! `replica agent`: runs stages for runs on other hosts.
 
 use anyhow::Context;
-use command_line::say;
+use command_line::{say, say_error};
 use link::Key;
 use link::agent::Agent;
 use run::exit;
@@ -50,14 +50,14 @@ fn listen(address: &str, key: &Path, folder: &Path) -> anyhow::Result<ExitCode> 
     let key = match Key::read(key) {
         Ok(key) => key,
         Err(error) => {
-            eprintln!("error: {error}");
+            say_error!("error: {error}");
             return Ok(ExitCode::from(exit::CONFIGURATION));
         }
     };
     let folder = folder.canonicalize().with_context(|| folder.display().to_string())?;
     let listener = TcpListener::bind(address).with_context(|| address.to_owned())?;
     say!("listening on {}, programs and models of {}", listener.local_addr()?, folder.display())?;
-    let report = |line: &str| eprintln!("{line}");
+    let report = |line: &str| say_error!("{line}");
     Agent::new(key, folder, env!("REPLICA_VERSION").to_owned(), report).serve(&listener);
     Ok(ExitCode::SUCCESS)
 }

@@ -14,10 +14,12 @@ mod plan;
 mod results;
 mod table;
 
+use command_line::say_error;
 use drives::{BatchDrive, Job};
 use launches::{Launches, Start};
 use results::{DriveOutcome, Row};
 use run::exit;
+use run::terminal::printable;
 use std::io::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -166,7 +168,7 @@ fn exit_code(rows: &[Row]) -> u8 {
 
 fn refused(faults: &[String]) -> ExitCode {
     for fault in faults {
-        eprintln!("error: {fault}");
+        say_error!("error: {fault}");
     }
     ExitCode::from(exit::CONFIGURATION)
 }
@@ -174,5 +176,5 @@ fn refused(faults: &[String]) -> ExitCode {
 /// Prints to stdout. A reader that has closed the pipe does not end the batch.
 fn print(text: &str) {
     let mut stdout = std::io::stdout().lock();
-    let _ = stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush());
+    let _ = stdout.write_all(printable(text).as_bytes()).and_then(|()| stdout.flush());
 }

@@ -3,6 +3,7 @@
 mod message_text;
 
 use super::attach::{RunArgument, TopicEvent, TopicReader};
+use command_line::say_error;
 use command_line::terminal::StopFlag;
 use command_line::usage_error::UsageError;
 use ipc::ObserverMode;
@@ -71,12 +72,12 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
                 stdout.flush()?;
             }
             Some(TopicEvent::Restarted(attempt)) => {
-                eprintln!("restart {attempt}: the run continues from its last barrier");
+                say_error!("restart {attempt}: the run continues from its last barrier");
             }
             Some(TopicEvent::Ended) => break,
             None => {}
         }
     }
-    eprintln!("{n_printed} messages printed, {n_missed} missed");
+    say_error!("{n_printed} messages printed, {n_missed} missed");
     Ok(())
 }

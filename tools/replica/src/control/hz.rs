@@ -2,6 +2,7 @@
 
 use super::attach::{RunArgument, TopicEvent, TopicReader};
 use command_line::answer::Answer;
+use command_line::say_error;
 use command_line::terminal::StopFlag;
 use ipc::{Observed, ObserverMode};
 use run::exit;
@@ -43,7 +44,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         match reader.next(Some(next_line))? {
             Some(TopicEvent::Message(message, missed)) => window.add(Received::new(&message), missed),
             Some(TopicEvent::Restarted(attempt)) => {
-                eprintln!("restart {attempt}: the run continues from its last barrier");
+                say_error!("restart {attempt}: the run continues from its last barrier");
                 window.messages.clear();
             }
             Some(TopicEvent::Ended) => break,

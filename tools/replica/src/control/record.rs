@@ -5,6 +5,7 @@ mod progress;
 
 use super::attach::{Run, RunArgument, channels};
 use attachment::{Attachment, CompleteTick};
+use command_line::say_error;
 use command_line::terminal::StopFlag;
 use command_line::usage_error::UsageError;
 use ipc::{Attached, IpcError, ObserverMode};
@@ -103,17 +104,17 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     // Whatever happened, the messages so far are a valid recording.
     writer.finish()?;
     for topic in &topics {
-        eprintln!("{topic}");
+        say_error!("{topic}");
     }
     let missing = topics.iter().any(|topic| topic.n_dropped() > 0);
     let complete = match end? {
         End::Complete => !missing,
         End::Stopped => {
-            eprintln!("stopped: the recording ends before the run");
+            say_error!("stopped: the recording ends before the run");
             false
         }
         End::RunEnded => {
-            eprintln!("the run ended before the end of its drive");
+            say_error!("the run ended before the end of its drive");
             false
         }
     };

@@ -3,7 +3,7 @@
 use anyhow::Context;
 use clap::ValueEnum;
 use command_line::argument::InvalidValue;
-use command_line::{exit_code, say};
+use command_line::{exit_code, say, say_error};
 use files::text_file::{MAX_CALIBRATION_BYTES, read_text};
 use formats::ply::{Header, Kind, PlyWriter};
 use lidar::{Lidar, LidarStats, Model, SweepInfo, SweepPoint, SweepReader};
@@ -80,7 +80,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let stats = reader.stats();
     print_counts(n_points, &stats)?;
     for damage in reader.damage() {
-        eprintln!("warning: {damage}");
+        say_error!("warning: {damage}");
     }
     Ok(if stats.has_lost_data() { ExitCode::from(exit_code::INCOMPLETE) } else { ExitCode::SUCCESS })
 }

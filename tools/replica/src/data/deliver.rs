@@ -11,6 +11,7 @@ use anyhow::{Context, ensure};
 use command_line::answer::Answer;
 use command_line::argument::InvalidValue;
 use command_line::exit_code::INCOMPLETE;
+use command_line::say_error;
 use command_line::usage_error::UsageError;
 use delivered::{Delivered, Folder, Others};
 use facts::Facts;
@@ -132,7 +133,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     create_empty(&args.out)?;
     let ChosenFrame { target, unreferenced, .. } = &frame;
     if let Some(reasons) = unreferenced {
-        eprintln!("warning: coordinates are local, without coordinate reference system: {reasons}");
+        say_error!("warning: coordinates are local, without coordinate reference system: {reasons}");
     }
     let options = CloudOptions {
         has_bands: args.bands,
@@ -159,7 +160,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     args.answer.print(&delivered, || delivered.text(n_tiles))?;
     let Some(reason) = unusable else { return Ok(ExitCode::SUCCESS) };
     let table = args.check_points.as_deref().unwrap_or(Path::new("--check-points"));
-    eprintln!("warning: {}: {reason}", table.display());
+    say_error!("warning: {}: {reason}", table.display());
     Ok(ExitCode::from(INCOMPLETE))
 }
 

@@ -2,6 +2,7 @@
 
 use anyhow::Context;
 use command_line::exit_code;
+use command_line::say_error;
 use command_line::terminal::StopFlag;
 use files::atomic_file::AtomicFile;
 use formats::multipart::MultipartReader;
@@ -46,14 +47,14 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
             Ok(_) => n_images += 1,
             Err(error) => {
                 if n_left_out == 0 {
-                    eprintln!("image left out: {error}");
+                    say_error!("image left out: {error}");
                 }
                 n_left_out += 1;
             }
         }
         !stop.is_set()
     });
-    eprintln!("{n_images} images in {}, {n_left_out} left out", args.folder.display());
+    say_error!("{n_images} images in {}, {n_left_out} left out", args.folder.display());
     grabbed.map(|()| if n_left_out == 0 { ExitCode::SUCCESS } else { ExitCode::from(exit_code::INCOMPLETE) })
 }
 

@@ -27,6 +27,7 @@ mod view_drawing;
 
 use anyhow::Context;
 use command_line::answer::Answer;
+use command_line::say_error;
 use comparison::{ComparedRun, Comparison};
 pub use facts::StageDoubt;
 use facts::{Facts, Input, ObjectFacts, Points, Settings, StageCosts};
@@ -124,6 +125,6 @@ fn write(folder: &Path, [page_name, facts_name]: [&str; 2], page: &str, facts: &
     let facts = serde_json::to_string_pretty(facts)? + "\n";
     write_atomic(&facts_file, facts.as_bytes()).with_context(|| facts_file.display().to_string())?;
     write_atomic(&page_file, page.as_bytes()).with_context(|| page_file.display().to_string())?;
-    eprintln!("wrote {}", page_file.display());
+    say_error!("wrote {}", page_file.display());
     Ok(())
 }

@@ -7,8 +7,8 @@ mod lines;
 use anyhow::{Context, ensure};
 use auxiliary::{AuxiliarySensors, Targets};
 use command_line::argument::InvalidValue;
-use command_line::say;
 use command_line::terminal::StopFlag;
+use command_line::{say, say_error};
 use drive::Drive;
 use geometry::Stamp;
 use images::{ImageWriter, prepare_folders};
@@ -257,7 +257,7 @@ impl Player<'_> {
             let stats = reader.stats();
             self.sent.n_skipped += stats.foreign_frames;
             if stats.cut_records > 0 {
-                eprintln!("warning: {}: ends within a packet, which is skipped", path.display());
+                say_error!("warning: {}: ends within a packet, which is skipped", path.display());
             }
         }
         let end = self.args.seconds.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());

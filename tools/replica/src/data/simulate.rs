@@ -4,6 +4,7 @@ mod describe;
 
 use anyhow::Context;
 use command_line::argument::words;
+use command_line::say_error;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use settings::{Field, Settings, parse_table};
 use simulation::{ClassRate, DriveReport, DriveSettings, LidarGrade, Town, Traffic, write_drive};
@@ -105,7 +106,7 @@ fn simulate(args: &Args, out: &Path) -> anyhow::Result<ExitCode> {
     let spec = match settings.spec() {
         Ok(spec) => spec,
         Err(error) => {
-            eprintln!("{error}");
+            say_error!("{error}");
             return Ok(ExitCode::from(run::exit::CONFIGURATION));
         }
     };

@@ -5,6 +5,7 @@ use crate::true_points::TruePoints;
 use anyhow::{Context, bail, ensure};
 use command_line::answer::Answer;
 use command_line::exit_code;
+use command_line::say_error;
 use drive::{Drive, MANIFEST_FILE, NoLabel};
 use formats::ply::Vertices;
 use messages::ClassId;
@@ -44,7 +45,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if n_unknown == 0 {
         return Ok(ExitCode::SUCCESS);
     }
-    eprintln!("{n_unknown} points have no ground truth and were ignored");
+    say_error!("{n_unknown} points have no ground truth and were ignored");
     Ok(ExitCode::from(exit_code::INCOMPLETE))
 }
 

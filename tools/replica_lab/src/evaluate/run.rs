@@ -13,6 +13,7 @@ use anyhow::{Context, bail, ensure};
 use command_line::answer::Answer;
 use command_line::argument::percent;
 use command_line::exit_code;
+use command_line::say_error;
 use drive::{Drive, MANIFEST_FILE};
 use formats::ply::Vertices;
 use messages::ClassId;
@@ -95,7 +96,7 @@ fn finish(args: &Args, points: Option<PointScores>, poses: Option<errors::PoseSc
     let Some(share) = report.share_joined().filter(|share| 100.0 * share < args.min_joined) else {
         return Ok(ExitCode::SUCCESS);
     };
-    eprintln!(
+    say_error!(
         "only {:.2} % of the points have a true label, less than --min-joined {} %",
         100.0 * share,
         args.min_joined

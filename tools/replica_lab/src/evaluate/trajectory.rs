@@ -9,6 +9,7 @@ use clap::ValueEnum;
 use command_line::answer::Answer;
 use command_line::argument::{finite, not_negative, positive};
 use command_line::exit_code;
+use command_line::say_error;
 use formats::trajectory::{csv_from_trajectory, kitti_from_trajectory, times_from_trajectory, tum_from_trajectory};
 use geometry::Trajectory;
 use pictures::cost_history::CostHistory;
@@ -106,7 +107,7 @@ enum Format {
 /// Prints the tables and writes the files.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let Some(report) = evaluate(args)? else {
-        eprintln!(
+        say_error!(
             "no pose of {} has a true pose in {}\nhint: compare the times of both files; see --shift-ms and --max-pause-ms",
             args.estimate.display(),
             args.truth.display()

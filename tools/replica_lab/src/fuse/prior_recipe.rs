@@ -2,6 +2,7 @@
 
 use crate::train::recipe_data::{Range, named_mounts};
 use anyhow::Context;
+use command_line::say_error;
 use files::text_file::read_toml;
 use messages::ClassId;
 use segmentation::intensity::IntensityUse;
@@ -98,7 +99,7 @@ impl Group {
                         add(&mut means, fused, &submap)?;
                     }
                 }
-                eprintln!("{name}-{seed}");
+                say_error!("{name}-{seed}");
             }
         }
         Ok(means)

@@ -3,7 +3,7 @@
 use super::library::{Library, SurfaceKind};
 use super::{TownArgs, is_held_out, library};
 use anyhow::Context;
-use command_line::say;
+use command_line::{say, say_error};
 use materials::{Fit, Model, Spectra};
 use messages::MaterialId;
 use std::path::PathBuf;
@@ -68,7 +68,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         for SurfaceKind { name, material, reflectances } in &known {
             fit.add_surface(name, *material, reflectances);
         }
-        eprintln!("{}: {} kinds; without a material: {}", path.display(), known.len(), others.join(", "));
+        say_error!("{}: {} kinds; without a material: {}", path.display(), known.len(), others.join(", "));
     }
     let libraries: Vec<String> =
         args.library.iter().filter_map(|path| Some(path.file_stem()?.to_string_lossy().into_owned())).collect();

@@ -2,6 +2,7 @@
 
 use anyhow::Context;
 use color_lines::{CubeSettings, Settings, Start};
+use command_line::say_error;
 use materials::Spectra;
 use messages::MaterialId;
 use town::Material;
@@ -77,7 +78,7 @@ impl TownArgs {
                     let regions = shown.iter().map(|point| found.regions[*point]).collect();
                     take(&TownSpectra { submap, points, spectra, regions, surfaces })?;
                 }
-                eprintln!("{name} {seed}: {n_spectra} spectra");
+                say_error!("{name} {seed}: {n_spectra} spectra");
             }
         }
         Ok(())

@@ -3,6 +3,7 @@
 use super::recipe::Recipe;
 use super::sweep_dataset::SweepDataset;
 use super::{Calibration, SharedRecipe, TrainingRecipe};
+use command_line::say_error;
 use kernels::images::Border;
 use segmentation::ComputeDevice;
 use segmentation::network::{CLASS_LAYER, Weights};
@@ -45,7 +46,7 @@ impl TrainingRecipe for Recipe {
                 "{}: no layer matches a layer of the recipe in name and shape",
                 start.display()
             );
-            eprintln!(
+            say_error!(
                 "starting from {n_taken} of {n_layers} layers of {}, and {n_classes} of {} classes",
                 start.display(),
                 settings.classes.len()

@@ -3,6 +3,7 @@
 use super::point_dataset::PointDataset;
 use super::point_recipe::PointRecipe;
 use super::{Calibration, SharedRecipe, TrainingRecipe};
+use command_line::say_error;
 use segmentation::network::Weights;
 use segmentation::points::{PointModel, PointSettings};
 use segmentation::{ComputeDevice, SegmentationError};
@@ -39,7 +40,7 @@ impl TrainingRecipe for PointRecipe {
             let n_taken = network.begin_with(&weights)?;
             let n_tensors = network.n_tensors();
             anyhow::ensure!(n_taken > 0, "{}: no tensor matches one of the recipe in name and shape", start.display());
-            eprintln!(
+            say_error!(
                 "starting from {n_taken} of {n_tensors} tensors of {}, and {n_classes} of {} classes",
                 start.display(),
                 settings.classes.len()

@@ -2,6 +2,7 @@
 
 use super::run_handle::Run;
 use anyhow::anyhow;
+use command_line::say_error;
 use run::control::{Answer, Request, ask};
 
 impl Run {
@@ -10,7 +11,7 @@ impl Run {
         let mut reported = String::new();
         let report = |text: &str| {
             if reported != text {
-                eprintln!("{text}");
+                say_error!("{text}");
                 text.clone_into(&mut reported);
             }
         };

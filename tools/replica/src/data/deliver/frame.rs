@@ -3,6 +3,7 @@
 use super::Args;
 use anyhow::{bail, ensure};
 use command_line::argument::InvalidValue;
+use command_line::say_error;
 use command_line::usage_error::UsageError;
 use doubts::{DoubtKind, Severity};
 use formats::gtx::GeoidGrid;
@@ -102,7 +103,7 @@ pub fn choose<'a>(args: &Args, run: &'a RunFolder, summary: &Summary) -> anyhow:
         }
         // Without --crs, a drive may cross the edge of its zone.
         if is_epsg || !is_near {
-            eprintln!("warning: {text}");
+            say_error!("warning: {text}");
         }
         frame.outside_area = Some(text).filter(|_| !is_near);
     }

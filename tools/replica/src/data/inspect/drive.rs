@@ -19,6 +19,7 @@ use ::lidar::pcap::{has_capture_magic, is_capture_name};
 use anyhow::Context;
 use command_line::answer::Answer;
 use command_line::exit_code;
+use command_line::say_error;
 use drive::{Drive, MANIFEST_FILE};
 use facts::DriveFacts;
 use geometry::Stamp;
@@ -111,7 +112,7 @@ pub fn run(path: &Path, reading: Reading, page: Option<&Path>, answer: Answer) -
     answer.print(&DriveFacts::from_report(&report), || text::render(&report))?;
     if let Some(page) = page {
         std::fs::write(page, page::render(&report)).with_context(|| page.display().to_string())?;
-        eprintln!("wrote {}", page.display());
+        say_error!("wrote {}", page.display());
     }
     Ok(if report.doubts.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(exit_code::INCOMPLETE) })
 }

@@ -5,6 +5,7 @@ use crate::train::recipe::Recipe;
 use crate::train::recipe_data::Range;
 use crate::train::sweep_dataset::SweepDataset;
 use anyhow::Context;
+use command_line::say_error;
 use segmentation::spherical::{LoadedModel, Settings, SphericalModel};
 use std::path::Path;
 use training::NearestExamples;
@@ -31,7 +32,7 @@ pub fn load(path: &Path, recipe: &Path, k: usize) -> anyhow::Result<SphericalMod
     let mut dataset = SweepDataset::new(&of_recipe, &std::env::temp_dir())?;
     dataset.add_towns(&of_recipe.data, Range { first, last }, &mut |_, _| ())?;
     let examples = NearestExamples::draw(&settings, &weights, &dataset, PER_CLASS, k)?;
-    eprintln!("{} examples of drives {first} to {last}", examples.len());
+    say_error!("{} examples of drives {first} to {last}", examples.len());
     Ok(model.with_classifier(Box::new(examples), &weights)?)
 }
 

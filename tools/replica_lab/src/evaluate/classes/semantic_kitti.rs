@@ -9,6 +9,7 @@ use super::models::Models;
 use super::seven;
 use super::source::{Origin, Source};
 use super::tally::{Tally, TrueClass};
+use command_line::say_error;
 use formats::semantic_kitti::CLASS_OF_BENCHMARK_ID;
 use geometry::SphericalGrid;
 use messages::ClassId::{self, Fence, GuardRail, Road, RoadLine, Unlabeled, Wall};
@@ -80,14 +81,14 @@ fn source(models: &Models, sequence: &sweep_files::Sequence, empty: &Tally) -> a
             }
         }
         if number % PROGRESS == 0 && number < n_sweeps {
-            eprintln!("{}: {number} of {n_sweeps} sweeps", source.name);
+            say_error!("{}: {number} of {n_sweeps} sweeps", source.name);
         }
     }
     if source.has_intensities {
         source.other_uses = models.other_uses.iter().map(|(word, _)| *word).zip(other_uses).collect();
     }
     let ms = 1e3 * begin.elapsed().as_secs_f64() / n_sweeps.max(1) as f64;
-    eprintln!("{}: {ms:.0} ms per sweep", source.name);
+    say_error!("{}: {ms:.0} ms per sweep", source.name);
     Ok(source)
 }
 

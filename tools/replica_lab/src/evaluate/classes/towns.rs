@@ -4,6 +4,7 @@ use super::source::{Origin, Source};
 use super::tally::{Tally, TrueClass};
 use super::{Args, error_picture};
 use anyhow::Context;
+use command_line::say_error;
 use messages::{ClassId, ClassRow};
 use segmentation::{ModelInput, Segmenter};
 use std::path::Path;
@@ -35,7 +36,7 @@ pub fn sources(model: &dyn Segmenter, args: &Args, empty: &Tally) -> anyhow::Res
                 let name = format!("{of_sensor}{name}-{seed}");
                 let n_sweeps = args.submaps * args.sweeps;
                 let ms = 1e3 * time.as_secs_f64() / n_sweeps.max(1) as f64;
-                eprintln!("{name}: {ms:.1} ms per sweep");
+                say_error!("{name}: {ms:.1} ms per sweep");
                 let origin = Origin::Simulated(sensor.clone());
                 sources.push(Source { name, origin, n_sweeps, has_intensities: true, tally, other_uses: Vec::new() });
             }
