@@ -7,6 +7,7 @@ use replica_tests::{
 };
 use rustix::process::{Pid, Signal, kill_process};
 use std::collections::BTreeMap;
+use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::SystemTime;
@@ -111,6 +112,31 @@ fn ended(mut command: Command) -> Ended {
     let output = command.output().expect("replica starts");
     let text = String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned();
     Ended { code: output.status.code(), text }
+}
+
+/// A batch that was killed between the summary of a drive and its end, in steps after the clouds.
+#[test]
+fn drive_without_report_or_with_leftovers_is_completed_without_another_run() {
+    let batch = Batch::misbehaving(SOURCE, "");
+    assert_eq!(batch.run(&["monday"], &[]).code, Some(0));
+    let output = batch.output("monday");
+    let domain = domain_of(&output);
+    let socket = PathBuf::from(format!("/tmp/replica_{domain}_control"));
+    let written = |name: &str| std::fs::metadata(output.join(name)).and_then(|file| file.modified()).expect("written");
+    let result = written("sink.txt");
+    for name in ["report.html", "report.json"] {
+        std::fs::remove_file(output.join(name)).expect("removed");
+    }
+    std::fs::create_dir_all(output.join("run/states/3")).expect("made");
+    std::fs::DirBuilder::new().mode(0o700).create(&socket).expect("made");
+    assert_eq!(batch.run(&["monday"], &[]).code, Some(0), "{}", batch.log("monday"));
+    assert!(output.join("report.html").exists() && output.join("report.json").exists(), "{}", batch.log("monday"));
+    assert!(!output.join("run/states/3").exists() && !socket.exists(), "leftovers");
+    assert_eq!(written("sink.txt"), result, "the drive was not run again");
+    let report = written("report.html");
+    let again = batch.run(&["monday"], &[]);
+    assert!(again.text.contains("monday: complete") && again.text.contains("(done before)"), "{}", again.text);
+    assert_eq!(written("report.html"), report, "a complete drive is left alone");
 }
 
 #[test]

@@ -73,14 +73,13 @@ pub fn run_under_kills(launch: &Launch, stages: &[&str], n_kills: usize, random:
         write!(history, "{victim} {moment:?}, ").expect("a string takes everything");
         let awaited = await_moment(launch, &mut running, victim, &moment);
         if !awaited {
-            // The run has ended before the kill. Resumed, it repeats the data after the last barrier, which can be
-            // disturbed if the next kill follows soon.
+            // The run has ended before the kill. Another run takes its place, which can be disturbed if the next kill
+            // follows soon.
             soon = true;
             kills.restarts += restarts(&running.stderr());
             let code = running.ended();
             assert_eq!(code, Some(Some(0)), "after {history}it ended with {}", running.stderr());
-            running = launch.start_again(&["--resume"]);
-            kills.resumed += 1;
+            running = launch.start_again(&["--overwrite"]);
             queue.push(victim);
             continue;
         }

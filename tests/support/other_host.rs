@@ -219,7 +219,7 @@ pub fn run_under_cuts(
         std::thread::park_timeout(Duration::from_millis(random.index(400) as u64));
         if let Some(code) = running.ended() {
             assert_eq!(code, Some(0), "after {history:?} it ended with {}\n{}", running.stderr(), host.messages());
-            running = launch.start_again(&["--resume"]);
+            running = launch.start_again(&["--overwrite"]);
             // The start itself is refused if the other host does not answer its queries.
             running.stage(stage);
         }

@@ -119,18 +119,23 @@ impl Control {
         }
     }
 
-    /// Reports to all waiting clients that the run has ended.
+    /// Reports to all waiting clients that the run has ended, and removes the socket.
     pub fn end(&mut self, outcome: Outcome) {
         for (_, mut client) in std::mem::take(&mut self.clients) {
             client.send(&Answer::Ended(outcome));
         }
+        self.remove_folder();
+    }
+
+    fn remove_folder(&self) {
+        // The next run replaces a folder that cannot be removed.
+        let _ = std::fs::remove_dir_all(&self.folder);
     }
 }
 
 impl Drop for Control {
     fn drop(&mut self) {
-        // The next run replaces a folder that cannot be removed.
-        let _ = std::fs::remove_dir_all(&self.folder);
+        self.remove_folder();
     }
 }
 

@@ -41,9 +41,10 @@ pub use check_resume::check_resume;
 use error::SuperviseError;
 use observers::Observers;
 use operator::Operator;
+use run::summary::{REPORT_FILES, Summary};
 use run::{Mode, Outcome, exit};
 use stage_restarts::StageRestarts;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 /// Interval between two observations: a twentieth of a second is soon enough for people.
@@ -138,6 +139,9 @@ impl Supervisor {
     }
 
     fn run(mut self) -> Result<u8, SuperviseError> {
+        if let Some(summary) = self.finished_run()? {
+            return Ok(self.finish_files(&summary));
+        }
         let mut from = self.begin()?;
         let mut budget = RestartBudget { barrier: from, used: 0 };
         let outcome = loop {
@@ -174,6 +178,21 @@ impl Supervisor {
             }
         };
         self.finish(outcome)
+    }
+
+    /// The summary of the run to resume, if it is done: then only files after the summary may be missing.
+    fn finished_run(&mut self) -> Result<Option<Summary>, SuperviseError> {
+        let may_be_done = self.start == Start::Resume && self.run.folder.has_begun();
+        if !may_be_done || self.run.is_live() || self.observers.is_recording() {
+            return Ok(None);
+        }
+        let summary = Summary::load(&self.run.plan.context.output).ok();
+        let Some(summary) = summary.filter(|summary| summary.outcome == Outcome::Done) else { return Ok(None) };
+        self.run.files = self.files()?;
+        self.run.folder.refuse_other_plan(&self.run.plan, &self.run.files)?;
+        self.run.domain.wipe()?;
+        tracing::info!("the run in this output is done");
+        Ok(Some(summary))
     }
 
     /// Starts a new run or resumes the one in the output. Returns the barrier to start from.
@@ -287,25 +306,37 @@ impl Supervisor {
         self.swaps.close(&mut self.operator.control);
         let swaps = self.swaps.take_all();
         let summary = self.account.summary(&self.run.plan, outcome, swaps, wall_s);
-        let output = &self.run.plan.context.output;
-        summary.write(output)?;
-        if outcome == Outcome::Done {
-            // Nothing is left to continue.
-            self.run.folder.states().remove_before(u64::MAX);
-        }
+        summary.write(&self.run.plan.context.output)?;
         // The recorder reads from the summary that the run was cut short, so it ends only now.
         let is_recorded = self.observers.finish_recording(outcome);
-        self.operator.control.end(outcome);
-        account::log_summary(&summary, output);
-        // A stopped run ends at once, as requested.
-        if self.run.plan.settings.report && outcome != Outcome::Stopped {
-            report::write(output);
-        }
-        Ok(match summary.exit_code(self.run.is_live()) {
+        Ok(match self.finish_files(&summary) {
             exit::DONE if !is_recorded => exit::INCOMPLETE,
             code => code,
         })
     }
+
+    /// Ends the control socket, removes the states and writes the report. Returns the exit code. A supervisor that is
+    /// killed before the last step leaves states or no report: `--resume` then repeats these steps.
+    fn finish_files(&mut self, summary: &Summary) -> u8 {
+        let outcome = summary.outcome;
+        let output = &self.run.plan.context.output;
+        self.operator.control.end(outcome);
+        account::log_summary(summary, output);
+        // A stopped run ends at once, as requested.
+        if self.run.plan.settings.report && outcome != Outcome::Stopped && !has_report(output) {
+            report::write(output);
+        }
+        if outcome == Outcome::Done {
+            // Nothing is left to continue.
+            self.run.folder.states().remove_before(u64::MAX);
+        }
+        summary.exit_code(self.run.is_live())
+    }
+}
+
+/// Whether the output has the report of its run: a new run and a resumed one remove it.
+fn has_report(output: &Path) -> bool {
+    REPORT_FILES.iter().all(|name| output.join(name).exists())
 }
 
 /// The reason why an attempt failed, for the client that requested a swap.

@@ -7,6 +7,7 @@ mod grab;
 mod import;
 mod inspect;
 mod instances;
+mod new_folder;
 mod report;
 mod rig;
 mod send;

@@ -7,12 +7,12 @@ pub mod frame;
 
 pub use finished::open_finished_run;
 
+use super::new_folder::NewFolder;
 use anyhow::{Context, ensure};
 use command_line::answer::Answer;
 use command_line::argument::InvalidValue;
 use command_line::exit_code::INCOMPLETE;
 use command_line::say_error;
-use command_line::usage_error::UsageError;
 use delivered::{Delivered, Folder, Others};
 use facts::Facts;
 use frame::{ChosenFrame, CrsChoice};
@@ -34,6 +34,9 @@ const MAX_TILE_M: u32 = 100_000;
 pub const SYSTEM: &str = "mobile LiDAR";
 /// Name of the octree.
 pub const COPC_FILE: &str = "points.copc.laz";
+/// Folders of further formats.
+const CLOUDCOMPARE: &str = "cloudcompare";
+const SEMANTIC_KITTI: &str = "sequences/00";
 /// Largest length of a text in the header of LAS files.
 const MAX_SYSTEM: usize = 32;
 /// `generating software` of the headers.
@@ -130,7 +133,8 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     // Errors of files are reported before the clouds are read, which takes longer.
     let check_points = args.check_points.as_deref().map(load_check_points).transpose()?;
     let frame = frame::choose(args, &run, &summary)?;
-    create_empty(&args.out)?;
+    let folder = NewFolder::create(&args.out)?;
+    let out = folder.files.as_path();
     let ChosenFrame { target, unreferenced, .. } = &frame;
     if let Some(reasons) = unreferenced {
         say_error!("warning: coordinates are local, without coordinate reference system: {reasons}");
@@ -144,18 +148,19 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let tiling = Tiling { side_m: args.tile_m, is_compressed: !args.las };
     // Tiles read and write each point, COPC also places it.
     let bar = progress_bar("deliver", run.index.n_points * if args.copc { 5 } else { 2 });
-    let written = write_tiles(&run, target, &options, tiling, &args.out, |n| bar.inc(n))?;
+    let written = write_tiles(&run, target, &options, tiling, out, |n| bar.inc(n))?;
     let WrittenTiles { mut files, left_out } = written;
     let n_points = files.iter().map(|file| file.n_points).sum();
     let n_tiles = files.len();
     if args.copc {
-        files.push(write_copc(&run, target, &options, &args.out, COPC_FILE, |n| bar.inc(n))?);
+        files.push(write_copc(&run, target, &options, out, COPC_FILE, |n| bar.inc(n))?);
     }
     bar.finish_and_clear();
-    let others = write_others(args, &run, target, &options, check_points)?;
+    let others = write_others(args, &run, target, &options, check_points, out)?;
     let unusable = others.check_points.as_ref().and_then(|found| found.unusable(bounds(&files)));
     let facts = Facts::new(&run, &frame, n_points, &files, left_out);
-    facts.write(&args.out)?;
+    facts.write(out)?;
+    folder.finish()?;
     let delivered = Delivered { out: &args.out, facts, others };
     args.answer.print(&delivered, || delivered.text(n_tiles))?;
     let Some(reason) = unusable else { return Ok(ExitCode::SUCCESS) };
@@ -179,46 +184,37 @@ fn write_others(
     target: &TargetFrame<'_>,
     options: &CloudOptions,
     check_points: Option<Vec<CheckPoint>>,
+    out: &Path,
 ) -> anyhow::Result<Others> {
     let mut others = Others {
-        path: write_trajectory(run, target, &args.out)?,
-        n_objects: write_objects(run, target, &args.out)?,
+        path: write_trajectory(run, target, out)?,
+        n_objects: write_objects(run, target, out)?,
         ..Others::default()
     };
     if args.rasters {
         let class_colors = std::array::from_fn(|id| class_color(id as u8));
         let rasters = RasterOptions { cell_mm: args.cell_m, class_colors };
-        others.rasters = write_rasters(run, target, options, rasters, &args.out)?;
+        others.rasters = write_rasters(run, target, options, rasters, out)?;
     }
     if let Some(points) = check_points {
-        others.set_check_points(write_check_points(run, target, points, &args.out)?);
+        others.set_check_points(write_check_points(run, target, points, out)?);
     }
     if args.cloudcompare {
-        let folder = folder(&args.out, "cloudcompare")?;
-        let n_clouds = write_cloudcompare(run, target, args.bands, &folder)?.len();
-        others.cloudcompare = Some(Folder { folder, n: n_clouds });
+        let n_clouds = write_cloudcompare(run, target, args.bands, &made(out, CLOUDCOMPARE)?)?.len();
+        others.cloudcompare = Some(Folder { folder: args.out.join(CLOUDCOMPARE), n: n_clouds });
     }
     if args.semantic_kitti {
-        let folder = folder(&args.out, "sequences/00")?;
-        let n_sweeps = write_semantic_kitti(run, &folder)?;
-        others.semantic_kitti = Some(Folder { folder, n: n_sweeps });
+        let n_sweeps = write_semantic_kitti(run, &made(out, SEMANTIC_KITTI)?)?;
+        others.semantic_kitti = Some(Folder { folder: args.out.join(SEMANTIC_KITTI), n: n_sweeps });
     }
     Ok(others)
 }
 
-fn folder(out: &Path, name: &str) -> anyhow::Result<PathBuf> {
+/// Makes the folder `name` of a delivery.
+fn made(out: &Path, name: &str) -> anyhow::Result<PathBuf> {
     let folder = out.join(name);
     std::fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
     Ok(folder)
-}
-
-/// Creates the folder, which must be empty: tiles of an earlier delivery would be mistaken for tiles of this one.
-pub fn create_empty(out: &Path) -> anyhow::Result<()> {
-    let place = || out.display().to_string();
-    std::fs::create_dir_all(out).with_context(place)?;
-    let is_empty = std::fs::read_dir(out).with_context(place)?.next().is_none();
-    ensure!(is_empty, UsageError(format!("--out {}: the folder must be empty", place())));
-    Ok(())
 }
 
 /// A bar on a terminal, else nothing.

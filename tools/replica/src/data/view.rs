@@ -16,7 +16,8 @@ mod page_files;
 mod scene;
 
 use super::deliver::frame::utm_or_local;
-use super::deliver::{COPC_FILE, create_empty, open_finished_run, progress_bar};
+use super::deliver::{COPC_FILE, open_finished_run, progress_bar};
+use super::new_folder::NewFolder;
 use super::report::finished_run::FinishedRun;
 use anyhow::{Context, ensure};
 use cached_cloud::CachedCloud;
@@ -79,8 +80,7 @@ pub struct Args {
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     // Errors of folder and address are reported before the octree is made, which takes longer.
     if let Some(out) = &args.out {
-        create_empty(out)?;
-        write(&site(args)?, out)?;
+        write(&site(args)?, NewFolder::create(out)?, out)?;
         return Ok(ExitCode::SUCCESS);
     }
     let server = bind(args)?;
@@ -114,9 +114,10 @@ fn site(args: &Args) -> anyhow::Result<Site> {
     Ok(site)
 }
 
-fn write(site: &Site, out: &Path) -> anyhow::Result<()> {
+fn write(site: &Site, folder: NewFolder, out: &Path) -> anyhow::Result<()> {
     let bar = progress_bar("view", site.names().count() as u64);
-    site.write(out, |_| bar.inc(1))?;
+    site.write(&folder.files, |_| bar.inc(1))?;
+    folder.finish()?;
     bar.finish_and_clear();
     say!("{}: serve this folder with any web server that answers byte ranges", out.display())?;
     Ok(())

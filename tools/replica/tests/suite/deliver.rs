@@ -4,6 +4,7 @@ use crate::finished_run::{FinishedRun, RunOptions, write_run};
 use crate::support::{printed, replica, succeeded, text};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
 /// A run of two sweeps at the origin of its drive, with these doubts of export.
 pub fn run_with_doubts(folder: &Path, doubts: &Value) -> (PathBuf, FinishedRun) {
@@ -36,6 +37,25 @@ fn answer_as_json_has_the_facts_of_the_text() {
     assert!(answer["path"].as_array().is_some_and(|files| files.contains(&json!("trajectory.csv"))), "{answer}");
     assert_eq!((&answer["rasters"], &answer["accuracy"]), (&json!([]), &Value::Null));
     assert_eq!(answer["semantic_kitti"]["n"], 3);
+}
+
+#[test]
+fn killed_delivery_is_started_again_by_the_same_command() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (run, _) = run_with_doubts(folder.path(), &json!([]));
+    let out = folder.path().join("delivery");
+    let mut killed = Command::new(env!("CARGO_BIN_EXE_replica"));
+    let mut killed = killed.args(["deliver", text(&run), "--out", text(&out)]).spawn().expect("starts");
+    // Killed as soon as it writes; on a slow machine before, on a fast one after its end.
+    while !out.join(".unfinished").exists() && killed.try_wait().expect("waits").is_none() {}
+    killed.kill().and_then(|()| killed.wait()).expect("killed");
+    let is_done = out.exists() && !out.join(".unfinished").exists();
+    if !is_done {
+        succeeded(&replica(&["deliver", text(&run), "--out", text(&out)]));
+    }
+    let undisturbed = folder.path().join("undisturbed");
+    succeeded(&replica(&["deliver", text(&run), "--out", text(&undisturbed)]));
+    assert_eq!(names(&out), names(&undisturbed));
 }
 
 fn facts(out: &Path) -> Value {

@@ -4,7 +4,7 @@ use super::drives::BatchDrive;
 use anyhow::Context;
 use run::Outcome;
 use run::process::sibling;
-use run::summary::Summary;
+use run::summary::{REPORT_FILES, Summary};
 use rustix::process::{Pid, Signal, kill_process};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM};
 use signal_hook::iterator::Signals;
@@ -73,7 +73,8 @@ impl Launches {
             return Ok(Err(format!("{}: {text}", drive.name)));
         }
         let is_done = Summary::load(&drive.output).is_ok_and(|summary| summary.outcome == Outcome::Done);
-        Ok(Ok(if is_done { Start::DoneBefore } else { Start::Resume }))
+        let is_complete = is_done && !lacks_end(&drive.output);
+        Ok(Ok(if is_complete { Start::DoneBefore } else { Start::Resume }))
     }
 
     /// Runs the drive to its end. Signals to this process go to the run.
@@ -118,6 +119,16 @@ impl Launches {
     fn cannot_start(&self) -> String {
         format!("cannot start {}", self.program.display())
     }
+}
+
+/// Whether the supervisor was killed between the summary and its end: it has left states, or no report. Resuming the run
+/// makes up for both.
+fn lacks_end(output: &Path) -> bool {
+    let has_states = std::fs::read_dir(output.join("run/states")).is_ok_and(|mut states| states.next().is_some());
+    let has_report = REPORT_FILES.iter().all(|name| output.join(name).exists());
+    let settings = std::fs::read(output.join("run/settings.json")).unwrap_or_default();
+    let settings: serde_json::Value = serde_json::from_slice(&settings).unwrap_or_default();
+    has_states || !has_report && settings["run"]["report"] == true
 }
 
 /// Sends a signal to a child that was not waited for yet, so its process id is its own.
