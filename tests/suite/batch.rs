@@ -13,6 +13,8 @@ use std::process::{Child, Command, Stdio};
 use std::time::SystemTime;
 
 const SOURCE: &str = "ticks = 40\npoints = 500";
+/// Most tests run without reports.
+const REPORT: &[&str] = &["--set", "run.report=true"];
 const DRIVES: [&str; 3] = ["monday", "tuesday", "wednesday"];
 
 /// A launch file, drives next to it, and the results of a batch over them.
@@ -118,7 +120,7 @@ fn ended(mut command: Command) -> Ended {
 #[test]
 fn drive_without_report_or_with_leftovers_is_completed_without_another_run() {
     let batch = Batch::misbehaving(SOURCE, "");
-    assert_eq!(batch.run(&["monday"], &[]).code, Some(0));
+    assert_eq!(batch.run(&["monday"], REPORT).code, Some(0));
     let output = batch.output("monday");
     let domain = domain_of(&output);
     let socket = PathBuf::from(format!("/tmp/replica_{domain}_control"));
@@ -129,12 +131,12 @@ fn drive_without_report_or_with_leftovers_is_completed_without_another_run() {
     }
     std::fs::create_dir_all(output.join("run/states/3")).expect("made");
     std::fs::DirBuilder::new().mode(0o700).create(&socket).expect("made");
-    assert_eq!(batch.run(&["monday"], &[]).code, Some(0), "{}", batch.log("monday"));
+    assert_eq!(batch.run(&["monday"], REPORT).code, Some(0), "{}", batch.log("monday"));
     assert!(output.join("report.html").exists() && output.join("report.json").exists(), "{}", batch.log("monday"));
     assert!(!output.join("run/states/3").exists() && !socket.exists(), "leftovers");
     assert_eq!(written("sink.txt"), result, "the drive was not run again");
     let report = written("report.html");
-    let again = batch.run(&["monday"], &[]);
+    let again = batch.run(&["monday"], REPORT);
     assert!(again.text.contains("monday: complete") && again.text.contains("(done before)"), "{}", again.text);
     assert_eq!(written("report.html"), report, "a complete drive is left alone");
 }
