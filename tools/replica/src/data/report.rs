@@ -3,12 +3,13 @@
 //! | idea | module |
 //! |---|---|
 //! | the small files in the output of a run | `finished_run` |
-//! | whether the result can be relied on | `verdict` |
+//! | how accurate positions are; whether the result can be relied on | `accuracy`; `verdict` |
 //! | the drive, clouds and pictures, read in addition | `material`: `cloud_survey`, `moment`, `overlays`, `range_picture`, `bands` |
 //! | path and fixes; losses and deviations; time and memory | `place`, `uncertain`, `costs` |
 //! | `report.json`; `report.html` | `facts`; `sections`, `view_drawing` |
 //! | several runs in one table | `comparison` |
 
+mod accuracy;
 mod bands;
 mod cloud_survey;
 mod comparison;
@@ -25,6 +26,7 @@ mod uncertain;
 mod verdict;
 mod view_drawing;
 
+use accuracy::Accuracy;
 use anyhow::Context;
 use command_line::answer::Answer;
 use command_line::say_error;
@@ -85,15 +87,17 @@ fn report(run: &FinishedRun) -> anyhow::Result<RunReport> {
     let material = Material::from_run(run)?;
     let fixes = material.drive_report.as_ref().map(|report| report.fixes.as_slice()).unwrap_or_default();
     let survey = material.survey.as_ref();
+    let path = Place::from_run(run, material.drive.as_ref(), fixes);
     let summary = &run.summary;
     let facts = Facts {
         version: 1,
         replica_version: env!("CARGO_PKG_VERSION"),
         run: run.folder.clone(),
         outcome: summary.outcome,
+        accuracy: Accuracy::from_run(run, path.as_ref()),
         verdict: Verdict::from_run(run),
         input: run.drive().zip(material.drive_report.as_ref()).map(|(drive, report)| Input::from_report(drive, report)),
-        path: Place::from_run(run, material.drive.as_ref(), fixes),
+        path,
         georeference: run.georeference.clone(),
         points: Points::from_run(run, survey.and_then(|survey| survey.area_m2)),
         bands: material.bands.as_ref().map(|bands| bands.bands.clone()).unwrap_or_default(),

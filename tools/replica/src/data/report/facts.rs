@@ -1,5 +1,6 @@
 //! The facts of a report, for programs: `report.json`.
 
+use super::accuracy::Accuracy;
 use super::bands::{Band, Diagnosis};
 use super::costs::pieces_s;
 use super::finished_run::FinishedRun;
@@ -28,6 +29,7 @@ pub struct Facts {
     pub replica_version: &'static str,
     pub run: PathBuf,
     pub outcome: Outcome,
+    pub accuracy: Accuracy,
     pub verdict: Verdict,
     /// `None` if the drive folder is no longer there.
     pub input: Option<Input>,

@@ -62,6 +62,18 @@ impl Place {
         })
     }
 
+    /// Path minus fixes, east and north, m.
+    pub fn differences(&self) -> Vec<[f64; 2]> {
+        let difference = |offset: &FixOffset| (offset.on_path - offset.fix).xy().into();
+        self.offsets.iter().map(difference).collect()
+    }
+
+    /// Path minus fixes with a height, up, m.
+    pub fn height_differences(&self) -> Vec<f64> {
+        let with_height = self.offsets.iter().filter(|offset| offset.has_height);
+        with_height.map(|offset| offset.on_path.z - offset.fix.z).collect()
+    }
+
     /// The map of the path: east is right and north is up.
     pub fn map(&self) -> String {
         let step = self.offsets.len().div_ceil(MAX_FIXES).max(1);

@@ -21,6 +21,7 @@ const OF_DRIVE: [&str; 4] = ["Clocks", "GNSS", "IMU", "LiDAR"];
 /// The whole page.
 pub fn page(run: &FinishedRun, facts: &Facts, material: &Material) -> String {
     let mut page = Page::new(&format!("Run {}", run.folder.display()));
+    accuracy(&mut page, facts);
     verdict(&mut page, facts);
     input(&mut page, facts, material);
     map(&mut page, facts, material);
@@ -33,6 +34,12 @@ pub fn page(run: &FinishedRun, facts: &Facts, material: &Material) -> String {
     timings(&mut page, run, facts);
     repeat(&mut page, run, facts);
     page.finish()
+}
+
+fn accuracy(page: &mut Page, facts: &Facts) {
+    for line in facts.accuracy.lines() {
+        page.notice(line.level, &line.text, [""; 0]);
+    }
 }
 
 fn verdict(page: &mut Page, facts: &Facts) {

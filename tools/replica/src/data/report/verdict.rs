@@ -69,7 +69,7 @@ impl Verdict {
     /// The verdict in one line.
     pub fn title(&self) -> &'static str {
         match (self.level, self.exit_code) {
-            (Level::Green, _) => "No doubts",
+            (Level::Green, _) => "Consistent: no stage doubts its result",
             (Level::Amber, _) => "Complete, with doubts: see the lines in orange",
             (Level::Red, exit::FAILED) => "The run has failed",
             (Level::Red, _) => "There is no result",
