@@ -34,7 +34,8 @@ const IMAGES: [&str; 2] = ["sensor_msgs/Image", "sensor_msgs/CompressedImage"];
 const CAMERA_INFO: &str = "sensor_msgs/CameraInfo";
 
 impl Role {
-    fn name(self) -> String {
+    /// The name in `--topic NAME=TOPIC`.
+    pub fn name(self) -> String {
         match self {
             Self::Lidar => "lidar".into(),
             Self::SecondaryLidar(index) => format!("lidar.{index}"),

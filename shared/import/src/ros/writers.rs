@@ -62,7 +62,7 @@ pub(super) struct Writers<'a> {
     uses: Vec<Vec<Use>>,
     /// Files of the LiDARs, by role.
     lidars: BTreeMap<Role, LidarFiles>,
-    /// Frames of the sensors, from the topic's first message.
+    /// Frames of the sensors, the same in all messages of a topic.
     frame_of: BTreeMap<Role, String>,
     /// Frames of topics that may belong to further LiDARs, from the topic's first message.
     frame_of_possible: BTreeMap<usize, String>,
@@ -223,12 +223,12 @@ impl<'a> Writers<'a> {
                     let image = Image::read(&mut c).map_err(fault)?;
                     let stamp = stamp(&mut self.n_unstamped, &image.header, message);
                     camera.images.add(stamp, &image).map_err(without_cameras)?;
-                    self.frame_of.entry(role).or_insert(image.header.frame);
+                    self.keep_frame(role, image.header.frame)?;
                 } else {
                     let image = CompressedImage::read(&mut c).map_err(fault)?;
                     let stamp = stamp(&mut self.n_unstamped, &image.header, message);
                     camera.images.add_compressed(stamp, &image).map_err(without_cameras)?;
-                    self.frame_of.entry(role).or_insert(image.header.frame);
+                    self.keep_frame(role, image.header.frame)?;
                 }
             }
             Use::Role(Role::CameraInfo(index)) => {
@@ -242,7 +242,7 @@ impl<'a> Writers<'a> {
                 if let Some(log) = &mut self.imu {
                     log.add(stamp, &imu).map_err(|error| error.to_string())?;
                 }
-                self.frame_of.entry(Role::Imu).or_insert(imu.header.frame);
+                self.keep_frame(Role::Imu, imu.header.frame)?;
             }
             Use::Role(Role::Gnss) => {
                 let fix = NavSatFix::read(&mut c).map_err(fault)?;
@@ -250,14 +250,14 @@ impl<'a> Writers<'a> {
                 if let Some(log) = &mut self.gnss {
                     log.add_fix(stamp, &fix)?;
                 }
-                self.frame_of.entry(Role::Gnss).or_insert(fix.header.frame);
+                self.keep_frame(Role::Gnss, fix.header.frame)?;
             }
             Use::Role(Role::Nmea) => {
                 let header = Header::read(&mut c.clone()).map_err(fault)?;
                 if let Some(log) = &mut self.gnss {
                     log.add_sentence(&sentence(&mut c).map_err(fault)?)?;
                 }
-                self.frame_of.entry(Role::Nmea).or_insert(header.frame);
+                self.keep_frame(Role::Nmea, header.frame)?;
             }
         }
         Ok(())
@@ -289,10 +289,21 @@ impl<'a> Writers<'a> {
                 frame
             }
         };
-        if let Some(frame) = frame {
-            self.frame_of.entry(role).or_insert(frame);
+        frame.map_or(Ok(()), |frame| self.keep_frame(role, frame))
+    }
+
+    /// Remembers the frame of a sensor. All its messages must be in the frame of the first one, whose mounting they get.
+    fn keep_frame(&mut self, role: Role, frame: String) -> Result<(), String> {
+        let first = self.frame_of.entry(role).or_insert_with(|| frame.clone());
+        if *first == frame {
+            return Ok(());
         }
-        Ok(())
+        let name = role.name();
+        let other = if role == Role::Lidar { "NAME" } else { "none" };
+        Err(format!(
+            "header.frame_id is {frame:?}, the messages before it are in {first:?}; a topic must have one sensor. Write a bag with \
+             a topic for each frame, or take another topic: --topic {name}={other}"
+        ))
     }
 }
 

@@ -118,3 +118,26 @@ fn compressed_folders_are_refused_with_their_metadata() {
     let error = import_from(&source, &folder).run().expect_err("is refused").to_string();
     assert!(error.contains("metadata.yaml: compression_mode FILE"), "{error}");
 }
+
+/// A topic of two sensors: its last message has another frame of the same length. Without the check, all messages would
+/// get the mounting of the first one.
+#[test]
+fn topic_with_messages_of_two_frames_is_refused() {
+    let folder = folder();
+    let path = folder.path().join("two_frames.bag");
+    let good = std::fs::read(file_of("street.bag")).expect("reads");
+    for (frame, other, role) in [
+        ("velodyne", "velorear", "lidar=NAME"),
+        ("imu_link", "imu_rear", "imu=none"),
+        ("camera_optical", "camera_at_back", "camera.0=none"),
+    ] {
+        let with_length = [&(frame.len() as u32).to_le_bytes()[..], frame.as_bytes()].concat();
+        let last = good.windows(with_length.len()).rposition(|window| window == with_length).expect("is there");
+        let mut bytes = good.clone();
+        bytes[last + 4..][..other.len()].copy_from_slice(other.as_bytes());
+        let error = import(&path, &bytes, &folder).unwrap_or_else(|| panic!("{frame} and {other} are accepted"));
+        let words = format!("header.frame_id is {other:?}, the messages before it are in {frame:?}");
+        assert!(error.contains(&words) && error.ends_with(&format!("--topic {role}")), "{error}");
+        assert!(error.contains("message ") && error.contains(" of /"), "{error}");
+    }
+}
