@@ -298,11 +298,14 @@ impl<'a> Writers<'a> {
         if *first == frame {
             return Ok(());
         }
-        let name = role.name();
-        let other = if role == Role::Lidar { "NAME" } else { "none" };
+        let wish = match role {
+            Role::Lidar | Role::SecondaryLidar(_) => format!("{}=NAME", role.name()),
+            Role::Camera(_) => "camera=none".to_owned(),
+            _ => format!("{}=none", role.name()),
+        };
         Err(format!(
             "header.frame_id is {frame:?}, the messages before it are in {first:?}; a topic must have one sensor. Write a bag with \
-             a topic for each frame, or take another topic: --topic {name}={other}"
+             a topic for each frame, or change the choice: --topic {wish}"
         ))
     }
 }

@@ -3,6 +3,7 @@
 use super::Profile;
 use super::packet::serial_number;
 use crate::MAX_BLOCKS;
+use geometry::Vector3;
 use serde_json::Value;
 
 /// Most beams of a sensor.
@@ -36,6 +37,11 @@ const PTP: &str = "TIME_FROM_PTP_1588";
 /// Largest difference of TAI and UTC, s: 37 since 2017.
 const MAX_TAI_OFFSET_S: i64 = 100;
 
+/// Smallest vertical field of view of a LiDAR with several beams, deg. Sensors have 22 and more.
+const MIN_FIELD_DEG: f64 = 1.0;
+/// Largest error of products of rows of a rotation, which files have with few digits.
+const MAX_SKEW: f64 = 1e-3;
+
 /// Packet format and beams according to the metadata.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Metadata {
@@ -65,6 +71,7 @@ impl Metadata {
     pub fn from_json(text: &str) -> Result<Self, MetadataError> {
         let root: Value = serde_json::from_str(text).map_err(|error| MetadataError::Json(error.to_string()))?;
         let elevations_deg = angles(&root, "beam_altitude_angles", MAX_BEAMS)?;
+        check_elevations(&root, &elevations_deg)?;
         let azimuths_deg = angles(&root, "beam_azimuth_angles", MAX_BEAMS)?;
         let n_beams = elevations_deg.len();
         let (mode_columns, turns_per_second) = mode(&root)?;
@@ -185,13 +192,37 @@ fn angles(root: &Value, key: &'static str, max: usize) -> Result<Vec<f64>, Metad
     read.ok_or_else(|| value_error(key, found, format!("an array of 1 to {max} angles in deg")))
 }
 
-/// A transform of 4 x 4 numbers, row by row; lengths in mm.
+/// Refuses beams at one elevation: metadata of a sensor that has not measured itself has zeros.
+fn check_elevations(root: &Value, elevations_deg: &[f64]) -> Result<(), MetadataError> {
+    let [low, high] = elevations_deg.iter().fold([f64::MAX, f64::MIN], |[low, high], e| [low.min(*e), high.max(*e)]);
+    if elevations_deg.len() == 1 || high - low >= MIN_FIELD_DEG {
+        return Ok(());
+    }
+    let key = "beam_altitude_angles";
+    let rule = format!("angles over at least {MIN_FIELD_DEG} deg, as the sensor sends them after its start");
+    Err(value_error(key, find(root, key).unwrap_or(&Value::Null), rule))
+}
+
+/// A rigid transform of 4 x 4 numbers, row by row; lengths in mm.
 fn matrix(root: &Value, key: &'static str) -> Result<[f64; 16], MetadataError> {
     let found = find(root, key).ok_or(MetadataError::Absent(key))?;
     let number = |value: &Value| value.as_f64().filter(|n| n.abs() < 1e4);
     let read: Option<Vec<f64>> = found.as_array().and_then(|values| values.iter().map(number).collect());
     let read = read.and_then(|numbers| <[f64; 16]>::try_from(numbers).ok());
-    read.ok_or_else(|| value_error(key, found, "an array of 16 numbers".into()))
+    let read = read.ok_or_else(|| value_error(key, found, "an array of 16 numbers".into()))?;
+    if is_rigid(&read) {
+        return Ok(read);
+    }
+    let rule = "a rotation and a translation: orthogonal rows of length 1, and 0 0 0 1 at the end".into();
+    Err(value_error(key, found, rule))
+}
+
+/// Whether the numbers are a rotation, a translation, and `0 0 0 1`.
+fn is_rigid(m: &[f64; 16]) -> bool {
+    let rows = [[m[0], m[1], m[2]], [m[4], m[5], m[6]], [m[8], m[9], m[10]]].map(Vector3::from);
+    let is_near = |a: f64, b: f64| (a - b).abs() <= MAX_SKEW;
+    let is_orthogonal = (0..3).all(|i| (0..3).all(|j| is_near(rows[i].dot(&rows[j]), f64::from(u8::from(i == j)))));
+    is_orthogonal && is_near(rows[0].cross(&rows[1]).dot(&rows[2]), 1.0) && m[12..] == [0.0, 0.0, 0.0, 1.0]
 }
 
 fn pair(found: &Value) -> Option<[u64; 2]> {
@@ -277,5 +308,27 @@ pub(super) mod tests {
         assert!(error("[0, 511]", "[0, 512]").starts_with("column_window is [0,512]; must be two columns below 512"));
         assert!(error("\"columns_per_packet\": 16", "\"columns_per_packet\": 99").contains("from 1 to 16"));
         assert!(error("[-1, 0, 0, 0,", "[-1,").contains("an array of 16 numbers"));
+    }
+
+    #[test]
+    fn zeros_of_a_sensor_that_has_not_measured_itself_are_refused() {
+        let error = |from: &str, to: &str| Metadata::from_json(&TWO_BEAMS.replace(from, to)).map_err(|e| e.to_string());
+        let rule = "beam_altitude_angles is [0,0]; must be angles over at least 1 deg, as the sensor sends them after its start";
+        assert_eq!(error("[10, -10]", "[0, 0]"), Err(rule.to_owned()));
+        let transform = "[-1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1, 40, 0, 0, 0, 1]";
+        for wrong in [
+            "[0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]",
+            "[-1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 40, 0, 0, 0, 1]",
+            "[-2, 0, 0, 0, 0, -2, 0, 0, 0, 0, 2, 40, 0, 0, 0, 1]",
+            "[-1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1, 40, 0, 0, 0, 0]",
+        ] {
+            let text = error(transform, wrong).expect_err(wrong);
+            assert!(
+                text.starts_with("lidar_to_sensor_transform is [") && text.contains("must be a rotation"),
+                "{text}"
+            );
+        }
+        // Zeros of the azimuths occur in simulators.
+        assert!(error("[2, -2]", "[0, 0]").is_ok());
     }
 }
