@@ -3,7 +3,7 @@
 use crate::request::{NoRequest, Request, has_bytes};
 use crate::response::{Refusal, refuse, respond};
 use crate::site::Site;
-use std::io::{self, BufReader, BufWriter, ErrorKind};
+use std::io::{self, BufReader, BufWriter, ErrorKind, Write};
 use std::net::TcpStream;
 use std::time::{Duration, Instant};
 
@@ -11,8 +11,11 @@ use std::time::{Duration, Instant};
 const POLL: Duration = Duration::from_millis(200);
 /// A connection without requests is closed after this time, to make room for other clients.
 const IDLE: Duration = Duration::from_secs(30);
-/// Time limit for a complete request, and for each piece of a response to be accepted.
+/// Time limit for a complete request, for each piece of a response to be accepted, and for a response beyond the time that
+/// it takes at `MIN_RATE`.
 const TIMEOUT: Duration = Duration::from_secs(10);
+/// Slowest client, bytes per second: an eighth of a slow mobile connection. A slower one would keep a place for hours.
+const MIN_RATE: f64 = 16e3;
 
 /// Host names that a client may use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,7 +40,7 @@ pub(crate) fn serve(stream: &TcpStream, site: &Site, hosts: Hosts, is_stopped: i
     stream.set_nodelay(true)?;
     stream.set_write_timeout(Some(TIMEOUT))?;
     let mut input = BufReader::new(stream);
-    let mut output = BufWriter::with_capacity(1 << 16, stream);
+    let mut output = BufWriter::with_capacity(1 << 16, PacedWriter::new(stream));
     while wait(&mut input, stream, &is_stopped)? {
         stream.set_read_timeout(Some(TIMEOUT))?;
         let begin = Instant::now();
@@ -50,12 +53,47 @@ pub(crate) fn serve(stream: &TcpStream, site: &Site, hosts: Hosts, is_stopped: i
         if !hosts.allow(request.host.as_deref()) {
             return refuse(&mut output, Refusal::ForeignHost, true);
         }
+        output.get_mut().begin();
         respond(&mut output, site, &request)?;
         if request.is_last {
             break;
         }
     }
     Ok(())
+}
+
+/// The output to a client, which must accept each response at no less than `MIN_RATE`.
+struct PacedWriter<W> {
+    output: W,
+    begun: Instant,
+    n_bytes: u64,
+}
+
+impl<W: Write> PacedWriter<W> {
+    fn new(output: W) -> Self {
+        Self { output, begun: Instant::now(), n_bytes: 0 }
+    }
+
+    /// Starts a response.
+    fn begin(&mut self) {
+        self.begun = Instant::now();
+        self.n_bytes = 0;
+    }
+}
+
+impl<W: Write> Write for PacedWriter<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        if self.begun.elapsed() > TIMEOUT + Duration::from_secs_f64(self.n_bytes as f64 / MIN_RATE) {
+            return Err(ErrorKind::TimedOut.into());
+        }
+        let n = self.output.write(bytes)?;
+        self.n_bytes += n as u64;
+        Ok(n)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.output.flush()
+    }
 }
 
 /// Waits for the first byte of a request. False if no byte arrived.
@@ -75,6 +113,18 @@ fn wait(input: &mut BufReader<&TcpStream>, stream: &TcpStream, is_stopped: impl 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn client_that_accepts_a_response_too_slowly_is_dropped() {
+        let mut output = PacedWriter::new(Vec::new());
+        output.begun -= TIMEOUT + Duration::from_secs(1);
+        assert_eq!(output.write(b"a").expect_err("late").kind(), ErrorKind::TimedOut);
+        // What was accepted gives more time.
+        output.n_bytes = 2 * MIN_RATE as u64;
+        assert_eq!(output.write(b"a").expect("in time"), 1);
+        output.begin();
+        assert_eq!(output.write(b"a").expect("a new response"), 1);
+    }
 
     #[test]
     fn names_that_only_resolve_to_loopback_are_refused() {

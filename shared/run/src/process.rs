@@ -1,6 +1,7 @@
 //! Statistics of this process and its program from the operating system.
 
 use crate::threads::{bounded_environment, max_threads};
+use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use rustix::time::{ClockId, clock_gettime};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -111,6 +112,21 @@ pub fn interpreter(python: &str, folder: &Path) -> String {
     if is_path { folder.join(python).to_string_lossy().into_owned() } else { python.to_owned() }
 }
 
+/// Stack of a main thread, bytes, as most systems have it.
+const STACK_BYTES: u64 = 8 << 20;
+
+/// Raises a smaller limit of the stack (`ulimit -s`) as far as the system allows, for this process and those that it
+/// starts: with 256 KiB, deep calls would abort.
+pub fn raise_stack_limit() {
+    let limit = getrlimit(Resource::Stack);
+    let is_small = limit.current.is_some_and(|current| current < STACK_BYTES);
+    if is_small {
+        let current = limit.maximum.map_or(STACK_BYTES, |maximum| maximum.min(STACK_BYTES));
+        // What the system refuses stays as it was.
+        let _ = setrlimit(Resource::Stack, Rlimit { current: Some(current), ..limit });
+    }
+}
+
 /// The command that starts a stage's program: `*.py` with the interpreter `python`, any other by itself. `n_threads` is for its
 /// parallel loops; 0 = one per core.
 pub fn stage_command(program: &Path, python: &str, n_threads: usize) -> Command {
@@ -123,6 +139,8 @@ pub fn stage_command(program: &Path, python: &str, n_threads: usize) -> Command 
         command.env("PYTHONHASHSEED", "0").env("PYTHONUNBUFFERED", "1").arg(program);
         command
     };
+    // Threads would get the smallest stack that the variable names.
+    command.env_remove("RUST_MIN_STACK");
     let n_threads = if n_threads > 0 { Some(n_threads.min(max_threads())) } else { bounded_environment() };
     if let Some(n_threads) = n_threads {
         // Thread counts of Rust and of OpenMP in Python libraries.

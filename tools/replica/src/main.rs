@@ -24,6 +24,7 @@ mod setup;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
+    run::process::raise_stack_limit();
     command_line::threads::bound();
     let done = cli::parse().map_err(anyhow::Error::from).and_then(cli::Parsed::run);
     command_line::exit_code::from_result(done)

@@ -29,6 +29,7 @@ mod true_points;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
+    run::process::raise_stack_limit();
     command_line::threads::bound();
     command_line::exit_code::from_result(cli::parse().run())
 }

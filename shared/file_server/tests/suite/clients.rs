@@ -136,7 +136,7 @@ fn clients_are_served_at_once_and_a_silent_one_holds_up_no_other() {
 #[test]
 fn client_beyond_the_limit_is_refused_until_another_leaves() {
     with_server(|address| {
-        let mut clients: Vec<_> = (0..64).map(|_| connect(address)).collect();
+        let mut clients: Vec<_> = (0..32).map(|_| connect(address)).collect();
         for stream in &mut clients {
             stream.write_all(b"GET / HTTP/1.1\r\n\r\n").expect("sends");
             assert_eq!(response(stream).1, PAGE);

@@ -6,7 +6,7 @@ use crate::error::{At, ImportError};
 use crate::files::files as files_of;
 use std::fs::File;
 use std::io::{self, BufReader, Read};
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 /// File that describes the files of a ROS 2 bag.
 pub(crate) const METADATA: &str = "metadata.yaml";
@@ -62,6 +62,13 @@ pub(super) fn files(folder: &Path) -> Result<FolderFiles, ImportError> {
             return Err(ImportError::at(&path, rule));
         }
     };
+    let is_inside = |name: &str| {
+        Path::new(name).components().all(|component| matches!(component, Component::Normal(_) | Component::CurDir))
+    };
+    if let Some(name) = file_names(&text).find(|name| !is_inside(name)) {
+        let rule = format!("relative_file_paths has {name:?}; must be a file in the folder of the bag, without `..`");
+        return Err(ImportError::at(&path, rule));
+    }
     let files = file_names(&text).map(|name| existing(&folder.join(name))).collect::<Vec<_>>();
     if files.is_empty() {
         return Err(ImportError::at(&path, "names no files under relative_file_paths"));
@@ -125,5 +132,20 @@ mod tests {
         assert_eq!(file_names(text).collect::<Vec<_>>(), ["a_0.db3", "a_1.db3"]);
         assert_eq!(value(text, "compression_mode:"), Some("FILE"));
         assert_eq!(value(text, "compression_format:"), Some(""));
+    }
+
+    #[test]
+    fn description_names_files_of_the_bag_only() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let named = |name: &str| {
+            let text = format!("rosbag2_bagfile_information:\n  relative_file_paths:\n    - {name}\n");
+            std::fs::write(folder.path().join(METADATA), text).expect("written");
+            files(folder.path()).map(|found| found.files.len()).map_err(|error| error.to_string())
+        };
+        assert_eq!(named("part/a_0.mcap"), Ok(1));
+        for name in ["/etc/passwd", "../other/a_0.mcap", "part/../../a_0.mcap"] {
+            let text = named(name).expect_err(name);
+            assert!(text.contains(&format!("relative_file_paths has {name:?}")), "{text}");
+        }
     }
 }
