@@ -3,6 +3,7 @@
 use replica_tests::{Launch, binary, gate, output_text};
 use std::fs::Permissions;
 use std::os::unix::fs::PermissionsExt;
+use std::process::Command;
 
 #[test]
 fn faulty_file_is_reported_completely_with_lines() {
@@ -67,6 +68,17 @@ fn program_killed_during_the_check_is_a_failure_and_not_a_problem_of_the_file() 
     assert!(text.contains("killed.sh --describe: signal: 9 (SIGKILL)"), "{text}");
     assert!(text.contains("1 problem; a program failed during the check, so try again"), "{text}");
     assert!(!text.contains("which no stage of this file produces"), "{text}");
+}
+
+#[test]
+fn run_with_a_small_stack_succeeds() {
+    let launch = Launch::misbehaving("report = true", "ticks = 20\npoints = 500", "");
+    let mut command = Command::new("sh");
+    let command = command.args(["-c", "ulimit -s 128; exec \"$0\" \"$1\""]);
+    let output = command.arg(binary("replica-launch")).arg(launch.folder().join("launch.toml")).output();
+    let output = output.expect("sh starts");
+    assert_eq!(output.status.code(), Some(0), "{}", output_text(&output));
+    assert!(launch.output().join("report.html").exists(), "{}", output_text(&output));
 }
 
 #[test]

@@ -125,7 +125,6 @@ impl Arguments {
 
 /// The whole program.
 pub fn main() -> ExitCode {
-    run::process::raise_stack_limit();
     let arguments = Arguments::parse();
     arguments.log.install();
     if let Some(code) = arguments.shell_files.write(Arguments::command()) {

@@ -3,5 +3,5 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    launch::main()
+    run::process::with_enough_stack(launch::main)
 }

@@ -1,7 +1,7 @@
 //! Statistics of this process and its program from the operating system.
 
 use crate::threads::{bounded_environment, max_threads};
-use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+use rustix::process::{Resource, getrlimit};
 use rustix::time::{ClockId, clock_gettime};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -113,18 +113,23 @@ pub fn interpreter(python: &str, folder: &Path) -> String {
 }
 
 /// Stack of a main thread, bytes, as most systems have it.
-const STACK_BYTES: u64 = 8 << 20;
+const STACK_BYTES: usize = 8 << 20;
 
-/// Raises a smaller limit of the stack (`ulimit -s`) as far as the system allows, for this process and those that it
-/// starts: with 256 KiB, deep calls would abort.
-pub fn raise_stack_limit() {
-    let limit = getrlimit(Resource::Stack);
-    let is_small = limit.current.is_some_and(|current| current < STACK_BYTES);
-    if is_small {
-        let current = limit.maximum.map_or(STACK_BYTES, |maximum| maximum.min(STACK_BYTES));
-        // What the system refuses stays as it was.
-        let _ = setrlimit(Resource::Stack, Rlimit { current: Some(current), ..limit });
+/// Runs the whole program. Where the limit of the stack (`ulimit -s`) is so small that deep calls would abort, it runs in
+/// a thread with a stack of its own.
+///
+/// # Panics
+/// If that thread cannot be started, or if `program` panics.
+pub fn with_enough_stack<R: Send>(program: impl FnOnce() -> R + Send) -> R {
+    let is_small = getrlimit(Resource::Stack).current.is_some_and(|limit| limit < STACK_BYTES as u64);
+    if !is_small {
+        return program();
     }
+    std::thread::scope(|scope| {
+        let thread = std::thread::Builder::new().name("main".to_owned()).stack_size(STACK_BYTES);
+        let running = thread.spawn_scoped(scope, program).expect("a thread with 8 MiB of stack starts");
+        running.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+    })
 }
 
 /// The command that starts a stage's program: `*.py` with the interpreter `python`, any other by itself. `n_threads` is for its

@@ -24,7 +24,8 @@ use std::sync::atomic::AtomicBool;
 /// - `run --recording FILE …` runs it alone, on a recording of its inputs, with the feature `alone`,
 /// - `run --linked AGENT` runs it as part of a run on another host ([`crate::remote`]).
 pub fn run<S: Stage>() -> ExitCode {
-    ExitCode::from(run_program(&ProgramOf::<S>::new(), std::env::args_os()))
+    let program = || run_program(&ProgramOf::<S>::new(), std::env::args_os());
+    ExitCode::from(run::process::with_enough_stack(program))
 }
 
 /// [`run()`] for a stage that is known at run time. `arguments` start with the program's name. Returns the exit code.

@@ -24,7 +24,10 @@ mod setup;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    run::process::raise_stack_limit();
+    run::process::with_enough_stack(run_command)
+}
+
+fn run_command() -> ExitCode {
     command_line::threads::bound();
     let done = cli::parse().map_err(anyhow::Error::from).and_then(cli::Parsed::run);
     command_line::exit_code::from_result(done)

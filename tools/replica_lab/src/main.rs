@@ -29,7 +29,10 @@ mod true_points;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    run::process::raise_stack_limit();
+    run::process::with_enough_stack(run_command)
+}
+
+fn run_command() -> ExitCode {
     command_line::threads::bound();
     command_line::exit_code::from_result(cli::parse().run())
 }
