@@ -5,6 +5,7 @@
 //! or the new one.
 //!
 //! - [`atomic_file`]: write to a temporary file, synchronize it, rename it.
+//! - [`regular_file`]: open and read files that users name; pipes, devices and endless files are refused.
 //! - [`text_file`]: read a text of at most a given size; devices, folders and larger files are refused.
 //! - [`toml_file`], [`toml_nesting`]: parse TOML with the line of each key; deep nesting is refused before it is parsed.
 //! - [`problems`]: all faults of one file, reported together.
@@ -21,6 +22,7 @@ pub mod calendar;
 pub mod csv;
 pub mod names;
 pub mod problems;
+pub mod regular_file;
 pub mod text_file;
 pub mod toml_file;
 pub mod toml_nesting;
