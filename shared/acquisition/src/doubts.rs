@@ -104,7 +104,8 @@ impl Doubts {
 
     /// Checks packets and captures. `n_bytes`: size of all captures.
     pub fn captures(&mut self, stats: &LidarStats, n_bytes: u64) {
-        let n_foreign = stats.foreign_packets + stats.short_packets;
+        // Packets of a second source have a doubt of their own.
+        let n_foreign = stats.foreign_packets - stats.second_source_packets + stats.short_packets;
         let n_packets = n_foreign + stats.data_packets + stats.position_packets;
         let foreign = share(n_foreign, n_packets);
         let limit = self.limits.max_foreign_share;
@@ -118,6 +119,13 @@ impl Doubts {
         self.add_damage(share, |limit| Doubt::UnreadCaptures { share, limit });
         if stats.cut_captures > 0 {
             self.add(Doubt::CutCaptures { n_captures: stats.cut_captures });
+        }
+        if stats.source_changes > 0 {
+            let silent_s = stats.source_silent_ms as f64 / 1000.0;
+            self.add(Doubt::SourceChanged { n_changes: stats.source_changes, silent_s });
+        }
+        if stats.second_source_packets > 0 {
+            self.add(Doubt::SecondSource { n_packets: stats.second_source_packets });
         }
         if stats.clocks_set_back > 0 {
             self.add(Doubt::ClocksSetBack {
@@ -149,12 +157,16 @@ impl Doubts {
     pub fn log(&mut self, log: &LogStats, n_used: u64, n_fixes: u64) {
         let n_lines = log.sentences + log.other_sentences + log.bad_lines;
         let damaged = share(log.bad_lines, n_lines);
-        self.add_damage(damaged, |limit| Doubt::BadNmeaLines { share: damaged, limit });
-        let n_epochs = n_fixes + log.without_fix + log.out_of_order;
+        let first = log.first_bad.clone().unwrap_or_default();
+        self.add_damage(damaged, |limit| Doubt::BadNmeaLines { share: damaged, limit, first });
+        if log.conflicting > 0 {
+            self.add(Doubt::TwoReceivers { n_epochs: log.conflicting, apart_m: log.apart_mm as f64 / 1000.0 });
+        }
+        let n_epochs = n_fixes + log.without_fix + log.out_of_order + log.undated + log.null_islands;
         let share = share(n_used, n_epochs);
         let limit = self.limits.min_fix_share;
         if log.sentences > 0 && share < limit {
-            self.add(Doubt::FewFixes { share, n_epochs, limit });
+            self.add(Doubt::FewFixes { share, n_epochs, limit, reasons: log.left_out() });
         }
     }
 

@@ -95,6 +95,19 @@ pub enum LiveError {
         /// Encoding error.
         source: toml::ser::Error,
     },
+    /// No packet has arrived.
+    #[error(
+        "no packet in {seconds:.0} s at {addresses} (limit quiet_s = {limit}); check cable and power of the LiDAR, and that its destination \
+         address and port are those of this machine"
+    )]
+    Silent {
+        /// Time since the start of the reception.
+        seconds: f64,
+        /// Time limit.
+        limit: f64,
+        /// The bound addresses.
+        addresses: String,
+    },
     /// The receiving thread cannot be started.
     #[error(transparent)]
     Thread(io::Error),
@@ -191,7 +204,7 @@ impl LiveError {
     /// The setting of the stage that causes the error, if one does.
     pub fn key(&self) -> &'static str {
         match self {
-            Self::Address(_) | Self::Bind { .. } | Self::Listen { .. } => "listen",
+            Self::Address(_) | Self::Bind { .. } | Self::Listen { .. } | Self::Silent { .. } => "listen",
             Self::Outside(_) | Self::File { .. } | Self::Full { .. } | Self::Used { .. } | Self::Manifest { .. } => {
                 "recording"
             }

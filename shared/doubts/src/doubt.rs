@@ -74,6 +74,8 @@ pub enum Doubt {
     BadNmeaLines {
         /// Share of the lines.
         share: f64,
+        /// Place and reason of the first one.
+        first: String,
         /// Largest share.
         limit: f64,
     },
@@ -99,6 +101,27 @@ pub enum Doubt {
         n_epochs: u64,
         /// Least share.
         limit: f64,
+        /// Numbers of the epochs without position or height, by reason.
+        reasons: String,
+    },
+    /// [`DoubtKind::SourceChanged`].
+    SourceChanged {
+        /// Number of changes.
+        n_changes: u64,
+        /// Silence before them.
+        silent_s: f64,
+    },
+    /// [`DoubtKind::SecondSource`].
+    SecondSource {
+        /// Packets of the second source.
+        n_packets: u64,
+    },
+    /// [`DoubtKind::TwoReceivers`].
+    TwoReceivers {
+        /// Epochs with two positions.
+        n_epochs: u64,
+        /// Largest distance of the two.
+        apart_m: f64,
     },
     /// [`DoubtKind::ExposuresOutside`].
     ExposuresOutside {
@@ -388,6 +411,9 @@ impl Doubt {
             Self::BadImuLines { .. } => DoubtKind::BadImuLines,
             Self::MissingSweeps { .. } => DoubtKind::MissingSweeps,
             Self::FewFixes { .. } => DoubtKind::FewFixes,
+            Self::SourceChanged { .. } => DoubtKind::SourceChanged,
+            Self::SecondSource { .. } => DoubtKind::SecondSource,
+            Self::TwoReceivers { .. } => DoubtKind::TwoReceivers,
             Self::ExposuresOutside { .. } => DoubtKind::ExposuresOutside,
             Self::LateExposures { .. } => DoubtKind::LateExposures,
             Self::PpsNotLocked { .. } => DoubtKind::PpsNotLocked,
@@ -457,10 +483,12 @@ impl Doubt {
             | Self::PointsUnseen { share, .. } => *share,
             Self::CutCaptures { n_captures } => *n_captures as f64,
             Self::ClocksSetBack { back_s, .. } => *back_s,
+            Self::TwoReceivers { apart_m, .. } => *apart_m,
+            Self::SourceChanged { silent_s, .. } => *silent_s,
             Self::MissingFiles { n_files, .. } => *n_files as f64,
             Self::ClockOffset { behind_s, .. } => behind_s.abs(),
             Self::SilentSensors { sensors } => sensors.len() as f64,
-            Self::NoSweep { n_packets } => *n_packets as f64,
+            Self::NoSweep { n_packets } | Self::SecondSource { n_packets } => *n_packets as f64,
             Self::ReceiverDelay { late_s } => late_s.abs(),
             Self::MotionContested { seconds, .. } | Self::PathUnmatched { seconds, .. } => *seconds,
             Self::NoSweepMatched { n_sweeps, .. } => *n_sweeps as f64,

@@ -135,7 +135,13 @@ kinds! {
     /// Sweeps of the first LiDAR without returns of a secondary LiDAR.
     MissingSweeps "missing_sweeps" Acquire Input Check "Check its network and clock."
     /// GNSS epochs without position and height.
-    FewFixes "few_fixes" Acquire Input Check "Log GGA and RMC sentences."
+    FewFixes "few_fixes" Acquire Input Check "Log GGA sentences with geoid separation, and RMC or ZDA."
+    /// Silence of the LiDAR before it continued from another port.
+    SourceChanged "source_changed" Acquire Input Check "Check power and cable of the LiDAR."
+    /// Packets of a second sensor at the address of the LiDAR.
+    SecondSource "second_source" Acquire Input Check "Stop the second sender."
+    /// GNSS epochs with two positions.
+    TwoReceivers "two_receivers" Acquire Input Check "Log the sentences of one receiver."
     /// Exposures before the first or after the last sweep.
     ExposuresOutside "exposures_outside" Acquire Input Check "Check the clocks."
     /// Live: exposures that arrived after the sweep of their time.

@@ -172,7 +172,7 @@ impl Drive {
                 for fix in &mut fixes {
                     fix.stamp = fix.stamp.plus_nanos(entry.delay_nanos.saturating_neg());
                 }
-                Ok((fixes, stats))
+                Ok((fixes, stats.in_file(&entry.file)))
             }
             None => Ok((Vec::new(), LogStats::default())),
         }

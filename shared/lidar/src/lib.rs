@@ -35,6 +35,7 @@ mod revolutions;
 pub mod robosense;
 mod scratch;
 mod sensor;
+mod source;
 mod stats;
 mod sweeps;
 mod turn_table;

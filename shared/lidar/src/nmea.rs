@@ -1,21 +1,32 @@
-//! Position fixes as NMEA 0183 sentences: GGA (position, height, quality) and RMC (date, speed, course).
+//! Position fixes as NMEA 0183 sentences: GGA (position, height, quality), RMC (date, speed, course) and ZDA (date).
 //!
-//! In a log, lines that are not sentences or have a wrong checksum are counted and skipped. NMEA heights are above the geoid;
+//! In a log, lines that are not sentences or have a wrong checksum are counted and skipped; the first one is reported with its reason.
+//! Binary messages between sentences, tag blocks and times in front of them are skipped. NMEA heights are above the geoid;
 //! [`Fix::altitude_m`] is above the WGS84 ellipsoid (height + geoid separation).
 //!
 //! Not based on the crate `nmea` 0.8, which stores heights, speeds and courses as f32, rounds times through f64 and
 //! refuses leap seconds.
 
 mod encode;
+mod fields;
+mod joiner;
+mod line;
 mod log;
 mod sentence;
 
 pub use encode::{gga_from_fix, gga_without_fix, restamped, rmc_from_fix, rmc_without_fix};
-pub use log::{Fix, FixJoiner, LogStats, fixes};
-pub use sentence::{Gga, NmeaError, Rmc, Sentence, parse};
+pub use joiner::FixJoiner;
+pub use line::{parse, sentence};
+pub use log::{Fix, LogStats, fixes};
+pub use sentence::{Gga, NmeaError, Rmc, Sentence, Zda};
 
 /// A knot in m/s.
 const KNOT_MPS: f64 = 1852.0 / 3600.0;
+
+/// Whether a position is 0 0, which receivers without a position report. The place is in the sea, within a metre.
+pub fn is_null_island(position_deg: [f64; 2]) -> bool {
+    position_deg.iter().all(|angle| angle.abs() < 1e-5)
+}
 
 /// XOR of the bytes between `$` and `*`.
 fn checksum(body: &str) -> u8 {

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 /// Joins the sentences of position packets to fixes. A receiver sends one or two sentences per second. The sensor repeats the last
 /// sentence 200 times per second.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Receiver {
     joiner: FixJoiner,
     /// Hashes of the last two sentences.
@@ -30,7 +30,7 @@ impl Receiver {
     }
 
     pub(super) fn stats(&self) -> LogStats {
-        self.joiner.stats()
+        self.joiner.stats().in_file("position packets")
     }
 }
 

@@ -26,6 +26,12 @@ pub struct LidarStats {
     pub short_packets: u64,
     /// Packets of other ports, protocols or sensors; skipped.
     pub foreign_packets: u64,
+    /// Changes of the port from which the sensor sends, after a silence.
+    pub source_changes: u64,
+    /// Silence before these changes, ms.
+    pub source_silent_ms: u64,
+    /// Data packets from another port of the sensor's address that sends at the same time; they are among the foreign packets.
+    pub second_source_packets: u64,
     /// Blocks of data packets with an invalid flag or angle; skipped.
     pub bad_blocks: u64,
     /// Jumps of the sensor clock: backwards, or forwards by more than the clock of the capture.
@@ -51,7 +57,7 @@ impl LidarStats {
     }
 
     /// All counters by name.
-    pub fn counts(&self) -> [(&'static str, u64); 16] {
+    pub fn counts(&self) -> [(&'static str, u64); 18] {
         [
             ("data_packets", self.data_packets),
             ("position_packets", self.position_packets),
@@ -62,6 +68,8 @@ impl LidarStats {
             ("late_packets", self.late_packets),
             ("short_packets", self.short_packets),
             ("foreign_packets", self.foreign_packets),
+            ("source_changes", self.source_changes),
+            ("second_source_packets", self.second_source_packets),
             ("bad_blocks", self.bad_blocks),
             ("clock_jumps", self.clock_jumps),
             ("clocks_set_back", self.clocks_set_back),

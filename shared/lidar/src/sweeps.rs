@@ -13,6 +13,7 @@ use super::maker::{Cut, MAX_RETURNS_PER_PACKET};
 use super::receiver::Receiver;
 use super::reorder::{Held, Place, Reorder, WINDOW};
 use super::revolutions::{End, MAX_RETURNS, Revolution};
+use super::source::Source;
 use super::{Blocks, Lidar, LidarStats, Model, Scratch, TURN};
 use crate::nmea::{Fix, LogStats};
 use crate::pcap::{Frontier, PcapError};
@@ -79,12 +80,13 @@ pub enum SweepPoll {
 }
 
 /// A position between two sweeps from which reading can continue ([`SweepReader::resume`]).
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SweepPosition {
     seq: u64,
     clock: Clock,
     stats: LidarStats,
     receiver: Receiver,
+    source: Source,
     packet: Option<PacketPosition>,
     /// Packets that were read and wait for earlier ones.
     held: [Option<Place>; WINDOW],
@@ -194,6 +196,7 @@ impl SweepReader {
                 clock: stream.clock,
                 stats,
                 receiver,
+                source: Source::new(stream.sensor),
                 packet: None,
                 held: [None; WINDOW],
                 read: None,
@@ -215,7 +218,7 @@ impl SweepReader {
 
     /// Continues at a position that [`SweepReader::position`] returned for the same captures.
     pub fn resume(&mut self, position: SweepPosition) -> Result<(), SweepError> {
-        self.at = position;
+        self.at = position.clone();
         self.revolution = None;
         self.slice = None;
         self.lost_packets = 0;
@@ -264,7 +267,7 @@ impl SweepReader {
 
     /// Position of the next sweep.
     pub fn position(&self) -> SweepPosition {
-        SweepPosition { held: self.reorder.places(), ..self.at }
+        SweepPosition { held: self.reorder.places(), ..self.at.clone() }
     }
 
     /// The sensor.

@@ -26,7 +26,7 @@ fn at_end(folder: &Path) -> Bench<Acquire> {
 }
 
 /// All doubts of the stage.
-const DOUBTS: [&str; 14] = [
+const DOUBTS: [&str; 15] = [
     "foreign_packets",
     "damaged_packets",
     "unread_captures",
@@ -35,6 +35,7 @@ const DOUBTS: [&str; 14] = [
     "missing_files",
     "bad_nmea_lines",
     "few_fixes",
+    "two_receivers",
     "bad_images",
     "bad_mosaics",
     "bad_imu_lines",
@@ -213,6 +214,30 @@ fn bad_lines_of_imu_and_receiver_are_doubts_above_their_share() {
     let text = fs::read_to_string(&log).expect("reads");
     fs::write(&log, format!("{text}\r\n$GPGGA,noise*00\r\n$GPGSV,1,1,00*79")).expect("writes");
     assert!((doubt_of(folder.path(), "bad_nmea_lines") - 1.0 / 12.0).abs() < 1e-9);
+}
+
+#[test]
+fn log_of_two_receivers_is_a_doubt_with_their_distance() {
+    let folder = drive();
+    let log = folder.path().join("gnss.nmea");
+    let text = fs::read_to_string(&log).expect("reads");
+    let second = text.lines().filter(|line| line.contains("GGA")).map(|line| {
+        // A tenth of a minute farther north.
+        let (body, _) = line[3..].rsplit_once('*').expect("is sealed");
+        let mut fields: Vec<String> = body.split(',').map(str::to_owned).collect();
+        let minutes: f64 = fields[2].parse().expect("a number");
+        fields[2] = format!("{:011.6}", minutes + 0.1);
+        format!("$GN{}", fields.join(","))
+    });
+    let second: Vec<String> = second.collect();
+    let mut of_second = second.iter();
+    let mixed = text.lines().map(|line| match of_second.next().filter(|_| line.contains("GGA")) {
+        Some(second) => format!("{line}\r\n{second}\r\n"),
+        None => format!("{line}\r\n"),
+    });
+    fs::write(&log, mixed.collect::<String>()).expect("writes");
+    let apart_m = doubt_of(folder.path(), "two_receivers");
+    assert!((apart_m - 185.3).abs() < 0.5, "{apart_m} m");
 }
 
 #[test]

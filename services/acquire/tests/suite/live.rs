@@ -273,13 +273,92 @@ fn foreign_packets_are_recorded_and_counted() {
 #[test]
 fn step_without_packets_publishes_nothing() {
     let folder = tempfile::tempdir().expect("a folder");
-    let mut bench =
-        Bench::<Acquire>::new(&Settings { quiet_s: 0.1, ..settings() }, &live(folder.path())).expect("opens");
+    let mut bench = Bench::<Acquire>::new(&settings(), &live(folder.path())).expect("opens");
     for _ in 0..5 {
-        // Silence counts only after the first packet.
         assert_eq!(bench.tick().expect("steps"), Flow::Continue);
         assert!(take(&mut bench).is_empty());
     }
+}
+
+#[test]
+fn run_that_never_receives_a_packet_fails_with_the_address() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let settings = Settings { quiet_s: 0.1, ..settings() };
+    let mut bench = Bench::<Acquire>::new(&settings, &live(folder.path())).expect("opens");
+    let deadline = Instant::now() + TIMEOUT;
+    let error = loop {
+        assert!(Instant::now() < deadline, "the run does not fail");
+        match bench.tick() {
+            Ok(flow) => assert_eq!(flow, Flow::Continue),
+            Err(error) => break error.to_string(),
+        }
+    };
+    assert!(error.contains(&settings.listen) && error.contains("no packet in"), "{error}");
+}
+
+#[test]
+fn sensor_that_returns_from_another_port_is_followed_and_a_doubt() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let packets = simulated(folder.path());
+    let settings = settings();
+    let capture = folder.path().join("recording/lidar/000.pcap");
+    let mut bench = Bench::<Acquire>::new(&settings, &live(folder.path())).expect("opens");
+    let mut sensor = Sensor::new(&settings, capture.clone());
+    let (first, second) = packets.split_at(4500);
+    sensor.send(first);
+    let mut ticks = ticks_to_decode(&mut bench, first.len());
+    // The kernel stamps the packets, so the silence must be real.
+    let back = Instant::now() + Duration::from_millis(1200);
+    while Instant::now() < back {
+        assert_eq!(bench.tick().expect("steps"), Flow::Continue);
+    }
+    let mut sensor = Sensor { n_bytes: sensor.n_bytes, ..Sensor::new(&settings, capture) };
+    sensor.send(second);
+    ticks.extend(ticks_to_drain(&mut bench, packets.len()));
+    assert_eq!((bench.counter("source_changes"), bench.counter("foreign_packets")), (1, 0));
+    let silent_s = bench.doubt("source_changed").expect("is doubted");
+    assert!(silent_s > 1.1, "{silent_s} s");
+    assert_eq!(bench.doubt("second_source"), None);
+    let (reference, of_recording) = offline(&folder.path().join("recording"));
+    assert!(ticks.concat() == reference.concat(), "live and recorded messages differ");
+    assert_eq!(of_recording.counter("source_changes"), 1);
+    assert!(reference.len() > 40, "{} sweeps", reference.len());
+}
+
+#[test]
+fn second_sender_at_the_same_time_is_a_doubt_and_changes_no_sweep() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let packets = simulated(folder.path());
+    let settings = settings();
+    let capture = folder.path().join("recording/lidar/000.pcap");
+    let mut bench = Bench::<Acquire>::new(&settings, &live(folder.path())).expect("opens");
+    let mut sensor = Sensor::new(&settings, capture.clone());
+    sensor.send(&packets[..4500]);
+    let mut other = Sensor { n_bytes: sensor.n_bytes, ..Sensor::new(&settings, capture) };
+    let data = packets.iter().find(|packet| packet.len() == DATA_PACKET_BYTES).expect("has one").clone();
+    let wait = |bench: &mut Bench<Acquire>| {
+        let end = Instant::now() + Duration::from_millis(150);
+        while Instant::now() < end {
+            bench.tick().expect("steps");
+        }
+    };
+    let mut n_other = 0_u32;
+    for piece in packets[4500..].chunks(500) {
+        other.n_bytes = sensor.n_bytes;
+        other.send(std::slice::from_ref(&data));
+        n_other += 1;
+        wait(&mut bench);
+        sensor.n_bytes = other.n_bytes;
+        sensor.send(piece);
+    }
+    while bench.counter("data_packets") + bench.counter("position_packets") < packets.len() as u64 {
+        assert_eq!(bench.tick().expect("steps"), Flow::Continue);
+    }
+    bench.finish().expect("finishes");
+    assert_eq!(bench.counter("source_changes"), 0);
+    // The first packet of the second sender may still be the first of a sensor that returns.
+    assert_eq!(bench.doubt("second_source"), Some(f64::from(n_other - 1)));
+    assert_eq!(bench.counter("foreign_packets"), u64::from(n_other));
 }
 
 #[test]

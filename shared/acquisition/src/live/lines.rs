@@ -25,8 +25,9 @@ const REOPEN: Duration = Duration::from_secs(1);
 const CHUNK: usize = 65_536;
 /// Largest number of reads after the request to stop: empties the kernel's buffer, however fast the sender is.
 const MAX_LAST_READS: usize = 4096;
-/// Longest line that is decoded, bytes; the rest of a longer one is skipped. NMEA sentences have 82, seven numbers less than 200.
-const MAX_LINE: usize = 1024;
+/// Longest line that is decoded, bytes; the rest of a longer one is skipped. NMEA sentences have 82, seven numbers less than 200, and
+/// binary messages of a receiver, which end no line, a few thousand.
+const MAX_LINE: usize = 8192;
 /// Largest number of arrival times that wait for the decoder. Beyond it the oldest are dropped, and fewer lines measure
 /// the clock.
 const MAX_ARRIVALS: usize = 4096;

@@ -129,6 +129,12 @@ impl Receiver {
         &self.frontier
     }
 
+    /// The bound addresses.
+    pub(crate) fn addresses(&self) -> String {
+        let all = self.sockets.iter().flat_map(|sockets| &sockets.all);
+        all.map(|bound| bound.address.to_string()).collect::<Vec<_>>().join(" and ")
+    }
+
     /// Packets received so far from any sender.
     pub(crate) fn n_packets(&self) -> u64 {
         self.shared.n_packets.load(Ordering::Relaxed)
@@ -141,7 +147,7 @@ impl Receiver {
         has_ended.then(|| error.unwrap_or_else(|| io::Error::other("the receiving thread panicked")))
     }
 
-    /// Time since the last packet, s; 0 before the first one. It does not grow while the thread waits for the disk.
+    /// Time since the last packet, before the first one since the start, s. It does not grow while the thread waits for the disk.
     pub(crate) fn silent_s(&self) -> f64 {
         self.shared.silent_millis.load(Ordering::Relaxed) as f64 * 1e-3
     }
@@ -197,7 +203,7 @@ fn receive(sockets: &Sockets, mut recorder: Recorder, shared: &Shared) -> io::Re
     let mut packet = vec![0; MAX_PACKET];
     let mut flushed = Instant::now();
     let mut first_packet = None;
-    let mut last_packet = None;
+    let mut last_packet = Instant::now();
     while !shared.stop.load(Ordering::Relaxed) {
         let timeout = if recorder.has_unwritten() { FLUSH } else { IDLE };
         let mut n_packets = 0;
@@ -209,12 +215,11 @@ fn receive(sockets: &Sockets, mut recorder: Recorder, shared: &Shared) -> io::Re
         shared.n_packets.fetch_add(n_packets, Ordering::Relaxed);
         if n_packets > 0 {
             let now = Instant::now();
-            last_packet = Some(now);
+            last_packet = now;
             let span = now - *first_packet.get_or_insert(now);
             shared.span_millis.store(span.as_millis() as u64, Ordering::Relaxed);
         }
-        let silent = last_packet.map_or(Duration::ZERO, |last: Instant| last.elapsed());
-        shared.silent_millis.store(silent.as_millis() as u64, Ordering::Relaxed);
+        shared.silent_millis.store(last_packet.elapsed().as_millis() as u64, Ordering::Relaxed);
         if recorder.has_unwritten() && flushed.elapsed() >= FLUSH {
             recorder.flush()?;
             flushed = Instant::now();

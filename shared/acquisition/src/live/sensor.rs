@@ -74,7 +74,7 @@ pub enum LivePoll {
 }
 
 /// Counters of a sensor.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct SensorStats {
     /// Packets.
     pub lidar: LidarStats,
@@ -123,12 +123,18 @@ impl LiveSensor {
         })
     }
 
-    /// Fails if the receiving thread has failed, and ends the recording if the sensor is silent for too long.
+    /// Fails if the receiving thread has failed, or if no packet has ever arrived; ends the recording if the sensor is silent for too long.
     pub fn check_receiver(&mut self) -> Result<(), LiveError> {
         if let Some(source) = self.receiver.take_error() {
             return Err(LiveError::File { path: self.capture(), source });
         }
-        if self.limits.quiet_s > 0.0 && self.receiver.silent_s() >= self.limits.quiet_s {
+        let limit = self.limits.quiet_s;
+        let seconds = self.receiver.silent_s();
+        if limit > 0.0 && seconds >= limit && !self.receiver.frontier().is_closed() {
+            // After a restart of the process, the sensor may have ended in the meantime.
+            if self.receiver.n_packets() == 0 && !self.recording.is_continued() {
+                return Err(LiveError::Silent { seconds, limit, addresses: self.receiver.addresses() });
+            }
             self.receiver.close();
         }
         Ok(())

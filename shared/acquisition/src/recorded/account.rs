@@ -54,6 +54,18 @@ impl News {
             let path = path.display();
             news.notes.push(format!("{path}: the file name is not a stamp in ns; such files are skipped"));
         }
+        let log = &reader.initial_counts().log;
+        if let Some(first) = &log.first_bad {
+            news.notes.push(format!("{} NMEA lines are damaged or impossible; the first: {first}", log.bad_lines));
+        }
+        if log.without_checksum > 0 {
+            let n = log.without_checksum;
+            news.notes.push(format!("{n} NMEA sentences have no checksum: damage in them may be unnoticed"));
+        }
+        if log.null_islands > 0 {
+            news.notes
+                .push(format!("{} GNSS fixes at 0 0 are skipped: the receiver had no position", log.null_islands));
+        }
         news
     }
 }

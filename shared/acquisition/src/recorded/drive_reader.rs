@@ -75,7 +75,7 @@ pub struct DrivePosition {
 }
 
 /// Counts that are known before the first tick.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct InitialCounts {
     /// Images that do not pass the trigger rule.
     pub skipped_images: u64,
@@ -157,14 +157,18 @@ fn wrong_captures(lidar: &DriveLidar, index: usize) -> Option<String> {
 
 impl InitialCounts {
     /// Counts with the names of their counters.
-    pub fn named(&self) -> [(&'static str, u64); 7] {
+    pub fn named(&self) -> [(&'static str, u64); 11] {
         [
             ("images_skipped_by_trigger", self.skipped_images),
             ("mosaics_skipped_by_trigger", self.skipped_mosaics),
             ("strange_files", self.strange_files),
             ("bad_nmea_lines", self.log.bad_lines),
+            ("gnss_without_checksum", self.log.without_checksum),
             ("gnss_without_fix", self.log.without_fix),
+            ("gnss_at_zero", self.log.null_islands),
+            ("gnss_undated", self.log.undated),
             ("gnss_out_of_order", self.log.out_of_order),
+            ("gnss_repeated", self.log.repeated),
             ("gnss_without_height", self.without_height),
         ]
     }

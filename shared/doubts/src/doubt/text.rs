@@ -27,18 +27,37 @@ impl Display for Doubt {
             Self::BadMosaics { share, limit } => {
                 damaged(f, *share, "of the mosaics are damaged or have the wrong size", *limit)
             }
-            Self::BadNmeaLines { share, limit } => damaged(f, *share, "of the NMEA lines are damaged", *limit),
+            Self::BadNmeaLines { share, limit, first } => {
+                damaged(f, *share, "of the NMEA lines are damaged or impossible", *limit)?;
+                write!(f, "; the first: {first}")
+            }
             Self::BadImuLines { share, limit } => {
                 damaged(f, *share, "of the IMU lines are damaged or impossible", *limit)
             }
             Self::MissingSweeps { share, limit } => {
                 damaged(f, *share, "of the sweeps of the first LiDAR have no returns of this LiDAR", *limit)
             }
-            Self::FewFixes { share, n_epochs, limit } => write!(
+            Self::FewFixes { share, n_epochs, limit, reasons } => write!(
                 f,
-                "only {} of the {n_epochs} GNSS epochs have position and height, less than min_fix_share = {limit}; the \
-                 receiver must log GGA and RMC sentences",
-                percent(*share)
+                "only {} of the {n_epochs} GNSS epochs have position and height, less than min_fix_share = {limit}{}{reasons}; \
+                 the receiver must log GGA sentences with geoid separation, and RMC or ZDA",
+                percent(*share),
+                if reasons.is_empty() { "" } else { ": " }
+            ),
+            Self::SourceChanged { n_changes, silent_s } => write!(
+                f,
+                "the LiDAR was silent for {silent_s:.1} s and continued from another port ({n_changes} times): this part of the drive is \
+                 missing; check power and cable of the LiDAR, or process each part as a drive"
+            ),
+            Self::SecondSource { n_packets } => write!(
+                f,
+                "{n_packets} data packets come from another port of the LiDAR's address while the first port sends: two sensors or \
+                 players send at once, and only the first one is used; stop the second one, or let it send to another port"
+            ),
+            Self::TwoReceivers { n_epochs, apart_m } => write!(
+                f,
+                "{n_epochs} GNSS epochs have two positions, up to {apart_m:.1} m apart: the log mixes two receivers, and the first \
+                 position of each epoch is used; log the sentences of the receiver whose antenna is antenna_in_body"
             ),
             Self::ExposuresOutside { share, n_frames, limit } => write!(
                 f,

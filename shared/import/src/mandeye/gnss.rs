@@ -10,7 +10,7 @@ use crate::fixes;
 use crate::plan::Plan;
 use files::calendar::DAY_NANOS;
 use geometry::Stamp;
-use lidar::nmea::{Fix, Rmc, Sentence, parse};
+use lidar::nmea::{Fix, Rmc, Sentence, is_null_island, parse};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -85,7 +85,9 @@ impl GnssLog {
         let stamp = stamp(times.split_whitespace().next())?;
         match parse(&format!("${sentence}")).map_err(|error| error.to_string())? {
             Sentence::Gga(gga) => {
-                let Some(position_deg) = gga.position_deg.filter(|_| gga.quality > 0) else {
+                let position_deg =
+                    gga.position_deg.filter(|position_deg| gga.quality > 0 && !is_null_island(*position_deg));
+                let Some(position_deg) = position_deg else {
                     self.n_without += 1;
                     return Ok(());
                 };
@@ -110,7 +112,7 @@ impl GnssLog {
                 }
                 self.rmc = Some(rmc);
             }
-            Sentence::Rmc(_) | Sentence::Other => {}
+            Sentence::Rmc(_) | Sentence::Zda(_) | Sentence::Other => {}
         }
         Ok(())
     }

@@ -2,7 +2,7 @@
 
 use super::messages::NavSatFix;
 use geometry::Stamp;
-use lidar::nmea::{Fix, fixes, gga_from_fix, gga_without_fix, rmc_from_fix, rmc_without_fix};
+use lidar::nmea::{Fix, fixes, gga_from_fix, gga_without_fix, is_null_island, rmc_from_fix, rmc_without_fix};
 use std::fs::File;
 use std::io::{self, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
@@ -76,7 +76,7 @@ pub(crate) fn fix_lines(stamp: i64, message: &NavSatFix) -> Result<([String; 2],
         _ => 0,
     };
     let [latitude, longitude] = message.position_deg;
-    if quality == 0 || !latitude.is_finite() || !longitude.is_finite() {
+    if quality == 0 || !latitude.is_finite() || !longitude.is_finite() || is_null_island(message.position_deg) {
         return Ok(([gga_without_fix(stamp), rmc_without_fix(stamp)], false));
     }
     if latitude.abs() > 90.0 || longitude.abs() > 180.0 {

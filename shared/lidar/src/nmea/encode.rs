@@ -1,6 +1,8 @@
 //! Encoding of fixes as sentences, for simulated receivers.
 
-use super::{Fix, Gga, KNOT_MPS, Rmc, Sentence, checksum, parse};
+use super::line::{Content, content};
+use super::sentence::{Checked, Sentence};
+use super::{Fix, KNOT_MPS, checksum};
 use files::calendar::{DAY_NANOS, date_from_days};
 use geometry::Stamp;
 
@@ -36,32 +38,47 @@ pub fn rmc_without_fix(stamp: Stamp) -> String {
     sealed(&format!("GPRMC,{},V,,,,,,,{},,,N", time(stamp), date(stamp)))
 }
 
-/// A GGA or RMC sentence with its time, and the date of an RMC, moved by `nanos`, rounded to milliseconds; other fields are
-/// unchanged. Any other line is returned unchanged.
+/// A line with the time of its GGA, RMC and ZDA sentences, and the dates of the latter two, moved by `nanos`, rounded to milliseconds;
+/// everything else is unchanged.
 pub fn restamped(line: &str, nanos: i64) -> String {
-    let parsed = parse(line);
-    let text = line.trim();
-    let (Some((body, _)), true) = (
-        text.strip_prefix('$').and_then(|rest| rest.rsplit_once('*')),
-        matches!(parsed, Ok(Sentence::Gga(_) | Sentence::Rmc(_))),
-    ) else {
-        return line.to_owned();
+    let Content::Sentences(found) = content(line.as_bytes()) else { return line.to_owned() };
+    let mut text = String::new();
+    let mut end = 0;
+    for found in found {
+        let Ok(checked) = found.parsed else { continue };
+        // Sentences are ASCII, so these are boundaries of characters.
+        let moved = restamped_sentence(&line[found.begin + 1..found.end], &checked, nanos);
+        let Some(moved) = moved else { continue };
+        text += &line[end..found.begin];
+        text += &moved;
+        end = found.end;
+    }
+    text + &line[end..]
+}
+
+/// A sentence without its `$`, moved. `None`: it has no time.
+fn restamped_sentence(text: &str, checked: &Checked, nanos: i64) -> Option<String> {
+    let body = text.rsplit_once('*').filter(|_| checked.has_checksum).map_or(text, |(body, _)| body);
+    let (stamp, date_field) = match checked.sentence {
+        Sentence::Gga(gga) => (Stamp(gga.time_nanos?), None),
+        Sentence::Rmc(rmc) => (rmc.stamp?, Some(9)),
+        Sentence::Zda(zda) => (zda.stamp?, Some(2)),
+        Sentence::Other => return None,
     };
+    let stamp = stamp.plus_nanos(nanos);
     let mut fields: Vec<String> = body.split(',').map(str::to_owned).collect();
-    let moved = match parsed {
-        Ok(Sentence::Gga(Gga { time_nanos: Some(nanos_of_day), .. })) => Some((Stamp(nanos_of_day + nanos), false)),
-        Ok(Sentence::Rmc(Rmc { stamp: Some(stamp), .. })) => Some((stamp.plus_nanos(nanos), true)),
-        _ => None,
-    };
-    let Some((stamp, has_date)) = moved else { return line.to_owned() };
-    if let Some(field) = fields.get_mut(1) {
-        *field = time(stamp);
+    *fields.get_mut(1)? = time(stamp);
+    match date_field {
+        Some(9) => *fields.get_mut(9)? = date(stamp),
+        Some(first) => {
+            let (year, month, day) = date_from_days(stamp.0.div_euclid(DAY_NANOS));
+            let date = [format!("{day:02}"), format!("{month:02}"), format!("{year:04}")];
+            fields.get_mut(first..first + 3)?.clone_from_slice(&date);
+        }
+        None => {}
     }
-    if let Some(field) = fields.get_mut(9).filter(|_| has_date) {
-        *field = date(stamp);
-    }
-    let end = &line[line.trim_end().len()..];
-    sealed(&fields.join(",")) + end
+    let body = fields.join(",");
+    Some(if checked.has_checksum { sealed(&body) } else { format!("${body}") })
 }
 
 /// Day, month and year, two digits each.
@@ -98,6 +115,7 @@ fn sealed(body: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::nmea::parse;
 
     #[test]
     fn restamped_sentences_move_over_midnight_and_keep_their_other_fields() {
@@ -116,6 +134,9 @@ mod tests {
             restamped(&gga, -86_400_000_000_000),
             sealed(&gga[1..gga.len() - 3].replace("235959.5", "235959.500"))
         );
+        // A tag block stays, and a sentence without checksum gets none.
+        let tagged = "\\c:1*58\\$GPZDA,235959.00,31,12,2023,00,00\r\n";
+        assert_eq!(restamped(tagged, 1_000_000_000), "\\c:1*58\\$GPZDA,000000.000,01,01,2024,00,00\r\n");
         for line in ["$GPGSV,1,1,00*79\n", "noise", "$GPGGA,,,,,,0,,,,,,,,*66", ""] {
             assert_eq!(restamped(line, 5), line);
         }

@@ -1,7 +1,7 @@
-//! Joins GGA and RMC sentences of the same epoch to fixes.
+//! The fixes of a log, and what was left out.
 
-use super::{Gga, Rmc, Sentence, parse};
-use files::calendar::DAY_NANOS;
+use super::line::{decoded, lines};
+use super::{FixJoiner, Rmc, Sentence, sentence};
 use geometry::Stamp;
 use serde::{Deserialize, Serialize};
 
@@ -27,137 +27,78 @@ pub struct Fix {
 }
 
 /// Counters of a log.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LogStats {
-    /// GGA and RMC sentences.
+    /// GGA, RMC and ZDA sentences.
     pub sentences: u64,
     /// Sentences of other types, which are not used.
     pub other_sentences: u64,
     /// Lines that are not sentences, are damaged or have impossible values.
     pub bad_lines: u64,
+    /// Place and reason of the first bad line.
+    pub first_bad: Option<String>,
+    /// Used sentences without checksum: damage in them may be unnoticed.
+    pub without_checksum: u64,
     /// Epochs without position.
     pub without_fix: u64,
-    /// Skipped fixes: not after the previous fix, or without a known date.
+    /// Fixes at 0 0, which are skipped: the receiver had no position.
+    pub null_islands: u64,
+    /// Fixes with a position above the geoid only, because the receiver states no geoid separation.
+    pub without_geoid: u64,
+    /// Skipped fixes before the first sentence with a date.
+    pub undated: u64,
+    /// Skipped fixes: not after the previous fix.
     pub out_of_order: u64,
+    /// Skipped sentences of an epoch that has one of this type: of a second talker or receiver.
+    pub repeated: u64,
+    /// GGA sentences that contradict another one of their epoch by more than [`FixJoiner::MAX_APART_M`]: of a second receiver.
+    pub conflicting: u64,
+    /// Largest distance of such positions, mm.
+    pub apart_mm: u64,
 }
 
-/// All fixes of a log, sorted by time. Lines that are not text are bad lines.
+impl LogStats {
+    /// The counters with the file of the first bad line.
+    #[must_use]
+    pub fn in_file(self, file: &str) -> Self {
+        let first_bad = self.first_bad.map(|text| format!("{file}: {text}"));
+        Self { first_bad, ..self }
+    }
+
+    /// Fixes and epochs that were left out, with their numbers, as text.
+    pub fn left_out(&self) -> String {
+        let counts = [
+            (self.without_fix, "without position"),
+            (self.null_islands, "at 0 0"),
+            (self.undated, "before the first RMC or ZDA sentence with a date"),
+            (self.out_of_order, "not after the previous fix"),
+            (self.without_geoid, "without geoid separation, so without height above the ellipsoid"),
+        ];
+        let found = counts.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{n} {what}"));
+        found.collect::<Vec<_>>().join(", ")
+    }
+}
+
+/// All fixes of a log, sorted by time. Fixes before the first date have the date that makes them the nearest.
 pub fn fixes(log: &[u8]) -> (Vec<Fix>, LogStats) {
-    let mut joiner = FixJoiner::default();
-    let mut fixes: Vec<Fix> = log.split(|byte| *byte == b'\n').filter_map(|line| joiner.take(line)).collect();
+    let log = decoded(log);
+    let mut joiner = first_date(&log).map_or_else(FixJoiner::default, FixJoiner::near);
+    let mut fixes: Vec<Fix> = lines(&log).filter_map(|line| joiner.take_line(line.text, line.number)).collect();
     fixes.extend(joiner.finish());
     (fixes, joiner.stats())
 }
 
-/// Joins the sentences of one epoch, line by line.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct FixJoiner {
-    gga: Option<Gga>,
-    rmc: Option<Rmc>,
-    /// Midnight of the day of the last RMC.
-    midnight: Option<i64>,
-    /// Time of the last fix.
-    last: Option<Stamp>,
-    stats: LogStats,
-}
-
-impl FixJoiner {
-    /// Reads the next line. Returns the fix completed by it: of the same epoch or of the previous one.
-    pub fn take(&mut self, line: &[u8]) -> Option<Fix> {
-        let line = line.trim_ascii();
-        if line.is_empty() {
-            return None;
-        }
-        match std::str::from_utf8(line).ok().and_then(|line| parse(line).ok()) {
-            Some(Sentence::Gga(gga)) => self.gga(gga),
-            Some(Sentence::Rmc(rmc)) => self.rmc(rmc),
-            Some(Sentence::Other) => {
-                self.stats.other_sentences += 1;
-                None
-            }
-            None => {
-                self.stats.bad_lines += 1;
-                None
-            }
+/// The first date of a position; without one, of ZDA.
+fn first_date(log: &[u8]) -> Option<Stamp> {
+    let mut of_zda = None;
+    for line in lines(log) {
+        match sentence(line.text) {
+            Ok(Sentence::Rmc(Rmc { stamp: Some(stamp), is_valid: true, .. })) => return Some(stamp),
+            Ok(Sentence::Zda(zda)) => of_zda = of_zda.or(zda.stamp),
+            _ => {}
         }
     }
-
-    /// Completes the last epoch after the last line.
-    pub fn finish(&mut self) -> Option<Fix> {
-        self.emit()
-    }
-
-    /// Counters since the first line.
-    pub fn stats(&self) -> LogStats {
-        self.stats
-    }
-
-    fn gga(&mut self, gga: Gga) -> Option<Fix> {
-        self.stats.sentences += 1;
-        let is_other_epoch =
-            self.rmc.and_then(|rmc| rmc.stamp).is_some_and(|stamp| Some(time_of_day(stamp)) != gga.time_nanos);
-        let before = if self.gga.is_some() || is_other_epoch { self.emit() } else { None };
-        self.gga = Some(gga);
-        before.or_else(|| self.emit_if_joined())
-    }
-
-    fn rmc(&mut self, rmc: Rmc) -> Option<Fix> {
-        self.stats.sentences += 1;
-        let is_other_epoch = self.gga.is_some_and(|gga| gga.time_nanos != rmc.stamp.map(time_of_day));
-        let before = if self.rmc.is_some() || is_other_epoch { self.emit() } else { None };
-        if let Some(stamp) = rmc.stamp {
-            self.midnight = Some(stamp.0 - time_of_day(stamp));
-        }
-        self.rmc = Some(rmc);
-        before.or_else(|| self.emit_if_joined())
-    }
-
-    fn emit_if_joined(&mut self) -> Option<Fix> {
-        if self.gga.is_some() && self.rmc.is_some() { self.emit() } else { None }
-    }
-
-    /// Completes the current epoch.
-    fn emit(&mut self) -> Option<Fix> {
-        let gga = self.gga.take();
-        let rmc = self.rmc.take().filter(|rmc| rmc.is_valid);
-        if gga.is_none() && rmc.is_none() {
-            return None;
-        }
-        let position = gga.filter(|gga| gga.quality > 0).and_then(|gga| gga.position_deg);
-        let Some(position_deg) = position.or(rmc.and_then(|rmc| rmc.position_deg).filter(|_| gga.is_none())) else {
-            self.stats.without_fix += 1;
-            return None;
-        };
-        let stamp = rmc.and_then(|rmc| rmc.stamp).or_else(|| self.dated(gga?.time_nanos?));
-        let Some(stamp) = stamp.filter(|stamp| self.last.is_none_or(|last| last < *stamp)) else {
-            self.stats.out_of_order += 1;
-            return None;
-        };
-        self.last = Some(stamp);
-        Some(Fix {
-            stamp,
-            position_deg,
-            altitude_m: gga.and_then(|gga| Some(gga.height_m? + gga.geoid_m?)),
-            speed_mps: rmc.and_then(|rmc| rmc.speed_mps),
-            course_deg: rmc.and_then(|rmc| rmc.course_deg),
-            hdop: gga.and_then(|gga| gga.hdop),
-            satellites: gga.map_or(0, |gga| gga.satellites),
-            quality: gga.map_or(1, |gga| gga.quality),
-        })
-    }
-
-    /// A time of day on the day of the last RMC, or on the next day if midnight passed since the last fix.
-    fn dated(&self, time_nanos: i64) -> Option<Stamp> {
-        let stamp = Stamp(self.midnight? + time_nanos);
-        match self.last {
-            Some(last) if stamp.0 < last.0 - DAY_NANOS / 2 => Some(stamp.plus_nanos(DAY_NANOS)),
-            _ => Some(stamp),
-        }
-    }
-}
-
-fn time_of_day(stamp: Stamp) -> i64 {
-    stamp.0.rem_euclid(DAY_NANOS)
+    of_zda
 }
 
 #[cfg(test)]
@@ -232,8 +173,79 @@ mod tests {
         lines.push("\u{0}noise".into());
         lines.push(rmc_from_fix(&fix(1)));
         let (back, stats) = fixes(&log(lines.into_iter()));
-        assert_eq!(stats, LogStats { sentences: 8, bad_lines: 2, out_of_order: 1, ..LogStats::default() });
+        let first_bad = stats.first_bad.clone().expect("has one");
+        assert!(first_bad.starts_with("line 3: checksum "), "{first_bad}");
+        let first_bad = Some(first_bad);
+        assert_eq!(stats, LogStats { sentences: 8, bad_lines: 2, out_of_order: 1, first_bad, ..LogStats::default() });
         // The GGA of the second fix is damaged, so it has no height.
         assert_eq!(back.iter().map(|fix| fix.altitude_m.is_some()).collect::<Vec<_>>(), [true, false, true, true]);
+    }
+
+    #[test]
+    fn gga_is_dated_by_zda_and_by_a_later_date() {
+        let zda = |stamp: Stamp| {
+            let (year, month, day) = files::calendar::date_from_days(stamp.0.div_euclid(86_400_000_000_000));
+            let time = gga_from_fix(&fix(0), 0.0).split(',').nth(1).expect("has a time").to_owned();
+            format!("$GPZDA,{time},{day:02},{month:02},{year},00,00")
+        };
+        // The date follows after two epochs.
+        for at in [0, 2] {
+            let mut lines: Vec<String> = (0..10).map(|i| gga_from_fix(&fix(i), 44.6)).collect();
+            lines.insert(at, zda(fix(0).stamp));
+            let (back, stats) = fixes(&log(lines.into_iter()));
+            assert_eq!((back.len(), stats.undated, stats.sentences), (10, 0, 11));
+            assert_eq!(stats.without_checksum, 1, "of the ZDA");
+            back.iter().zip(0..).for_each(|(back, i)| assert_near(back, &fix(i)));
+        }
+        let (back, stats) = fixes(&log((0..3).map(|i| gga_from_fix(&fix(i), 44.6))));
+        assert_eq!((back.len(), stats.undated), (0, 3));
+        assert!(stats.left_out().contains("3 before the first RMC or ZDA"), "{}", stats.left_out());
+    }
+
+    #[test]
+    fn second_talker_is_counted_and_a_second_receiver_measured() {
+        let other_talker = |line: String| {
+            let body = line[3..].rsplit_once('*').expect("is sealed").0.to_owned();
+            format!("$GN{body}")
+        };
+        let lines = |offset_deg: f64| {
+            let two = (0..10).flat_map(move |i| {
+                let first = fix(i);
+                let mut second = first;
+                second.position_deg[0] += offset_deg;
+                [
+                    gga_from_fix(&first, 44.6),
+                    other_talker(gga_from_fix(&second, 44.6)),
+                    rmc_from_fix(&first),
+                    other_talker(rmc_from_fix(&second)),
+                ]
+            });
+            fixes(&log(two))
+        };
+        let (back, stats) = lines(0.0);
+        assert_eq!((back.len(), stats.repeated, stats.conflicting, stats.out_of_order), (10, 20, 0, 0));
+        assert!(back.iter().all(|fix| fix.speed_mps.is_some() && fix.altitude_m.is_some()));
+        let (back, stats) = lines(1e-4);
+        assert_eq!((back.len(), stats.repeated, stats.conflicting), (10, 20, 10));
+        assert!((11_000..11_300).contains(&stats.apart_mm), "{} mm", stats.apart_mm);
+        back.iter().zip(0..).for_each(|(back, i)| assert_near(back, &fix(i)));
+    }
+
+    #[test]
+    fn null_island_is_not_a_fix() {
+        let mut lost = fix(0);
+        lost.position_deg = [0.0; 2];
+        let lines = [gga_from_fix(&lost, 0.0), rmc_from_fix(&lost), gga_from_fix(&fix(1), 44.6), rmc_from_fix(&fix(1))];
+        let (back, stats) = fixes(&log(lines.into_iter()));
+        assert_eq!((back.len(), stats.null_islands, stats.without_fix), (1, 1, 0));
+        assert_near(&back[0], &fix(1));
+    }
+
+    #[test]
+    fn fixes_without_geoid_separation_have_no_height_and_are_counted() {
+        let gga = gga_from_fix(&fix(1), 0.0).replace(",0.0,M,,", ",,,,");
+        let gga = gga.rsplit_once('*').expect("is sealed").0.to_owned();
+        let (back, stats) = fixes(&log([gga, rmc_from_fix(&fix(1))].into_iter()));
+        assert_eq!((back.len(), back[0].altitude_m, stats.without_geoid), (1, None, 1));
     }
 }

@@ -1,7 +1,8 @@
-//! Parser of one sentence.
+//! Parser of one sentence, from `$` or `!` to its checksum.
 
+use super::fields::Fields;
 use super::{KNOT_MPS, checksum};
-use files::calendar::{DAY_NANOS, days_from_date};
+use files::calendar::DAY_NANOS;
 use geometry::Stamp;
 use serde::{Deserialize, Serialize};
 
@@ -25,6 +26,16 @@ pub enum NmeaError {
         /// Computed checksum.
         expected: u8,
     },
+    /// The sentence has no checksum and fewer fields than its type.
+    #[error("{sentence} has no checksum and {n} fields; without checksum it must have {least}, or it is cut")]
+    Cut {
+        /// GGA, RMC or ZDA.
+        sentence: &'static str,
+        /// Fields after the name.
+        n: usize,
+        /// Fields of a whole sentence.
+        least: usize,
+    },
     /// A field has an impossible value.
     #[error("{sentence} field {field}: {value:?} {rule}")]
     Field {
@@ -46,6 +57,8 @@ pub enum Sentence {
     Gga(Gga),
     /// Date and motion.
     Rmc(Rmc),
+    /// Date and time.
+    Zda(Zda),
     /// Any other sentence.
     Other,
 }
@@ -55,7 +68,7 @@ pub enum Sentence {
 pub struct Gga {
     /// Time of day (UTC), ns since midnight.
     pub time_nanos: Option<i64>,
-    /// Latitude and longitude, WGS84, deg, north and east positive.
+    /// Latitude and longitude, WGS84, deg, north and east positive; `None` without a fix.
     pub position_deg: Option<[f64; 2]>,
     /// Quality: 0 none, 1 single, 2 differential, 4 RTK fixed, 5 RTK float.
     pub quality: u32,
@@ -69,14 +82,23 @@ pub struct Gga {
     pub geoid_m: Option<f64>,
 }
 
+/// ZDA sentence. Empty fields are `None`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Zda {
+    /// Date and time (UTC).
+    pub stamp: Option<Stamp>,
+}
+
 /// RMC sentence. Empty fields are `None`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Rmc {
+    /// Time of day (UTC), ns since midnight.
+    pub time_nanos: Option<i64>,
     /// Date and time (UTC).
     pub stamp: Option<Stamp>,
     /// Whether the receiver reports a valid position (status A).
     pub is_valid: bool,
-    /// Latitude and longitude, WGS84, deg, north and east positive.
+    /// Latitude and longitude, WGS84, deg, north and east positive; `None` without a fix.
     pub position_deg: Option<[f64; 2]>,
     /// Speed over ground.
     pub speed_mps: Option<f64>,
@@ -84,32 +106,52 @@ pub struct Rmc {
     pub course_deg: Option<f64>,
 }
 
-/// Parses one line.
-pub fn parse(line: &str) -> Result<Sentence, NmeaError> {
-    let line = line.trim();
-    let (body, sum) = line.strip_prefix('$').and_then(|rest| rest.rsplit_once('*')).ok_or(NmeaError::Frame)?;
-    if !sum.is_ascii() || sum.len() != 2 || !body.is_ascii() {
+/// A sentence, and whether its checksum was compared.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Checked {
+    pub(super) sentence: Sentence,
+    pub(super) has_checksum: bool,
+}
+
+/// Parses a sentence without its `$`, with or without `*hh`.
+pub(super) fn checked(text: &str) -> Result<Checked, NmeaError> {
+    let (body, sum) = match text.rsplit_once('*') {
+        Some((body, sum)) => (body, Some(sum)),
+        None => (text, None),
+    };
+    if !body.bytes().all(|byte| byte.is_ascii_graphic() || byte == b' ') {
         return Err(NmeaError::Frame);
     }
-    let got = u8::from_str_radix(sum, 16).map_err(|_| NmeaError::Frame)?;
-    let expected = checksum(body);
-    if got != expected {
-        return Err(NmeaError::Checksum { got, expected });
+    if let Some(sum) = sum {
+        let is_hex = sum.len() == 2 && sum.bytes().all(|byte| byte.is_ascii_hexdigit());
+        let got = is_hex.then(|| u8::from_str_radix(sum, 16).ok()).flatten().ok_or(NmeaError::Frame)?;
+        let expected = checksum(body);
+        if got != expected {
+            return Err(NmeaError::Checksum { got, expected });
+        }
     }
     let (name, fields) = body.split_once(',').unwrap_or((body, ""));
     // Two letters name the talker (GP, GL, GN …), three letters the type.
-    match name.get(2..) {
-        Some("GGA") => gga(&Fields::new("GGA", fields)).map(Sentence::Gga),
-        Some("RMC") => rmc(&Fields::new("RMC", fields)).map(Sentence::Rmc),
-        _ => Ok(Sentence::Other),
-    }
+    let fields = |sentence, least| match Fields::new(sentence, fields) {
+        fields if sum.is_none() && fields.len() < least => Err(NmeaError::Cut { sentence, n: fields.len(), least }),
+        fields => Ok(fields),
+    };
+    let sentence = match name.get(2..) {
+        Some("GGA") => Sentence::Gga(gga(&fields("GGA", 14)?)?),
+        Some("RMC") => Sentence::Rmc(rmc(&fields("RMC", 11)?)?),
+        Some("ZDA") => Sentence::Zda(zda(&fields("ZDA", 6)?)?),
+        _ => Sentence::Other,
+    };
+    Ok(Checked { sentence, has_checksum: sum.is_some() })
 }
 
 fn gga(fields: &Fields<'_>) -> Result<Gga, NmeaError> {
+    let quality = fields.count(6)?.unwrap_or_default();
     Ok(Gga {
         time_nanos: fields.time(1)?,
-        position_deg: fields.position(2)?,
-        quality: fields.count(6)?.unwrap_or_default(),
+        // Without a fix, some receivers send an impossible position.
+        position_deg: if quality > 0 { fields.position(2)? } else { None },
+        quality,
         satellites: fields.count(7)?.unwrap_or_default(),
         hdop: fields.number(8, 0.0, 1000.0)?,
         height_m: fields.number(9, MIN_HEIGHT_M, MAX_HEIGHT_M)?,
@@ -118,116 +160,28 @@ fn gga(fields: &Fields<'_>) -> Result<Gga, NmeaError> {
 }
 
 fn rmc(fields: &Fields<'_>) -> Result<Rmc, NmeaError> {
-    let stamp = match (fields.time(1)?, fields.date(9)?) {
-        (Some(time_nanos), Some(days)) => Some(Stamp(days * DAY_NANOS + time_nanos)),
-        _ => None,
-    };
+    let time_nanos = fields.time(1)?;
+    let stamp = time_nanos.zip(fields.date(9)?).map(|(time_nanos, days)| Stamp(days * DAY_NANOS + time_nanos));
+    let is_valid = fields.text(2) == "A";
     Ok(Rmc {
+        time_nanos,
         stamp,
-        is_valid: fields.text(2) == "A",
-        position_deg: fields.position(3)?,
+        is_valid,
+        position_deg: if is_valid { fields.position(3)? } else { None },
         speed_mps: fields.number(7, 0.0, MAX_SPEED_KNOTS)?.map(|knots| knots * KNOT_MPS),
         course_deg: fields.number(8, 0.0, 360.0)?,
     })
 }
 
-/// Fields of a sentence by number, from 1.
-struct Fields<'a> {
-    sentence: &'static str,
-    fields: Vec<&'a str>,
-}
-
-impl<'a> Fields<'a> {
-    fn new(sentence: &'static str, text: &'a str) -> Self {
-        // Sentences have fewer fields. The limit bounds the memory of a damaged line.
-        Self { sentence, fields: text.split(',').take(32).collect() }
-    }
-    fn text(&self, field: usize) -> &'a str {
-        self.fields.get(field - 1).copied().unwrap_or_default()
-    }
-    fn fault(&self, field: usize, rule: &'static str) -> NmeaError {
-        NmeaError::Field { sentence: self.sentence, field, value: self.text(field).to_owned(), rule }
-    }
-    fn count(&self, field: usize) -> Result<Option<u32>, NmeaError> {
-        let text = self.text(field);
-        if text.is_empty() {
-            return Ok(None);
-        }
-        let count = text.parse().ok().filter(|count| *count < 1000);
-        count.map(Some).ok_or_else(|| self.fault(field, "is not an integer below 1000"))
-    }
-    fn number(&self, field: usize, low: f64, high: f64) -> Result<Option<f64>, NmeaError> {
-        let text = self.text(field);
-        if text.is_empty() {
-            return Ok(None);
-        }
-        let value = text.parse().ok().filter(|value| (low..=high).contains(value));
-        value.map(Some).ok_or_else(|| self.fault(field, "is not a number in the possible range"))
-    }
-    /// Parses `hhmmss` or `hhmmss.sss…` to ns since midnight. A leap second counts as the next second.
-    fn time(&self, field: usize) -> Result<Option<i64>, NmeaError> {
-        let text = self.text(field);
-        if text.is_empty() {
-            return Ok(None);
-        }
-        let (whole, decimals) = text.split_once('.').unwrap_or((text, ""));
-        let fault = || self.fault(field, "is not a time hhmmss.sss");
-        let [hours, minutes, seconds] = pairs(whole).ok_or_else(fault)?;
-        if hours > 23 || minutes > 59 || seconds > 60 || !decimals.bytes().all(|byte| byte.is_ascii_digit()) {
-            return Err(fault());
-        }
-        let nanos: i64 = format!("{decimals:0<9.9}").parse().map_err(|_| fault())?;
-        Ok(Some(((hours * 60 + minutes) * 60 + seconds) * 1_000_000_000 + nanos))
-    }
-    /// Parses `ddmmyy` to days since 1970. Two-digit years are 1970, where clocks that were never set start, to 2069.
-    fn date(&self, field: usize) -> Result<Option<i64>, NmeaError> {
-        let text = self.text(field);
-        if text.is_empty() {
-            return Ok(None);
-        }
-        let days = pairs(text).and_then(|[day, month, year]| {
-            days_from_date(if year >= 70 { 1900 + year } else { 2000 + year }, month, day)
-        });
-        days.map(Some).ok_or_else(|| self.fault(field, "is not a date ddmmyy"))
-    }
-    /// Parses four fields: latitude, N or S, longitude, E or W.
-    fn position(&self, field: usize) -> Result<Option<[f64; 2]>, NmeaError> {
-        let latitude = self.angle(field, 2, ["N", "S"], 90.0)?;
-        let longitude = self.angle(field + 2, 3, ["E", "W"], 180.0)?;
-        Ok(latitude.zip(longitude).map(|(latitude, longitude)| [latitude, longitude]))
-    }
-    /// Parses degrees with a fixed number of digits, then minutes with decimals. The next field is the hemisphere.
-    fn angle(&self, field: usize, digits: usize, sides: [&str; 2], limit: f64) -> Result<Option<f64>, NmeaError> {
-        let text = self.text(field);
-        if text.is_empty() {
-            return Ok(None);
-        }
-        let fault = |rule| self.fault(field, rule);
-        let split = text.split_at_checked(digits).filter(|_| text.bytes().all(|b| b.is_ascii_digit() || b == b'.'));
-        let (degrees, minutes) = split.ok_or_else(|| fault("is not degrees and minutes"))?;
-        let value = degrees.parse::<f64>().ok().zip(minutes.parse::<f64>().ok().filter(|minutes| *minutes < 60.0));
-        let value = value.map(|(degrees, minutes)| degrees + minutes / 60.0).filter(|value| *value <= limit);
-        let value = value.ok_or_else(|| fault("is not degrees and minutes"))?;
-        match sides.iter().position(|side| *side == self.text(field + 1)) {
-            Some(side) => Ok(Some(if side == 0 { value } else { -value })),
-            None => Err(self.fault(field + 1, "is not N or S, E or W")),
-        }
-    }
-}
-
-/// Splits six digits into three numbers.
-fn pairs(text: &str) -> Option<[i64; 3]> {
-    let digits: &[u8; 6] = text.as_bytes().try_into().ok()?;
-    let pair = |at: usize| {
-        let both = digits[at].is_ascii_digit() && digits[at + 1].is_ascii_digit();
-        both.then(|| i64::from(digits[at] - b'0') * 10 + i64::from(digits[at + 1] - b'0'))
-    };
-    Some([pair(0)?, pair(2)?, pair(4)?])
+fn zda(fields: &Fields<'_>) -> Result<Zda, NmeaError> {
+    let stamp = fields.time(1)?.zip(fields.whole_date(2)?);
+    Ok(Zda { stamp: stamp.map(|(time_nanos, days)| Stamp(days * DAY_NANOS + time_nanos)) })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::nmea::parse;
 
     fn sealed(body: &str) -> String {
         format!("${body}*{:02X}", checksum(body))
@@ -283,5 +237,75 @@ mod tests {
         assert_eq!(stamp("010170"), Some(54_651_000_000));
         assert_eq!(stamp("060180"), Some(315_964_854_651_000_000));
         assert_eq!(stamp("311269"), Some(3_155_673_654_651_000_000));
+    }
+
+    #[test]
+    fn minutes_are_the_two_digits_before_the_point() {
+        let read = |latitude: &str, longitude: &str| {
+            let body = format!("GPGGA,120000,{latitude},N,{longitude},E,1,8,1.0,50,M,45,M,,");
+            match parse(&sealed(&body)) {
+                Ok(Sentence::Gga(gga)) => Ok(gga.position_deg.expect("has one")),
+                Err(error) => Err(error.to_string()),
+                other => panic!("{other:?}"),
+            }
+        };
+        for (latitude, longitude, expected) in [
+            ("4521.0", "1026.66", [45.35, 10.0 + 26.66 / 60.0]),
+            ("4851.0000000", "221.0", [48.85, 2.35]),
+            ("121.0", "10348.0", [1.35, 103.8]),
+            ("21.0", "3235.4", [0.35, 32.59]),
+            // Without a point.
+            ("4521", "1026", [45.35, 10.0 + 26.0 / 60.0]),
+            ("4521.", "01026.", [45.35, 10.0 + 26.0 / 60.0]),
+            ("0048.85", "00002.35", [48.85 / 60.0, 2.35 / 60.0]),
+            ("9000.0", "18000.0", [90.0, 180.0]),
+            ("0.0", "0.0", [0.0, 0.0]),
+        ] {
+            let found = read(latitude, longitude).expect("is a position");
+            let close = found.iter().zip(&expected).all(|(found, expected)| (found - expected).abs() < 1e-12);
+            assert!(close, "{latitude} {longitude}: {found:?}");
+        }
+        for (latitude, longitude, expected) in [
+            (
+                "4560.0",
+                "01026.0",
+                "GGA field 2: \"4560.0\" is not degrees and minutes ddmm.mm: the minutes must be less than 60",
+            ),
+            (
+                "4521.0",
+                "1060.0",
+                "GGA field 4: \"1060.0\" is not degrees and minutes ddmm.mm: the minutes must be less than 60",
+            ),
+            ("9000.1", "01026.0", "GGA field 2: \"9000.1\" must be at most 90 degrees"),
+            ("4521.0", "18000.1", "GGA field 4: \"18000.1\" must be at most 180 degrees"),
+            ("4521.0.0", "01026.0", "GGA field 2: \"4521.0.0\" is not degrees and minutes ddmm.mm"),
+            ("-4521.0", "01026.0", "GGA field 2: \"-4521.0\" is not degrees and minutes ddmm.mm"),
+            (".", "01026.0", "GGA field 2: \".\" is not degrees and minutes ddmm.mm"),
+            (
+                "48.85",
+                "2.35",
+                "GGA field 2: \"48.85\" is degrees with decimals; it must be degrees and minutes ddmm.mm",
+            ),
+            (
+                "48.85",
+                "102.35",
+                "GGA field 2: \"48.85\" is degrees with decimals; it must be degrees and minutes ddmm.mm",
+            ),
+        ] {
+            assert_eq!(read(latitude, longitude), Err(expected.to_owned()));
+        }
+    }
+
+    #[test]
+    fn whole_sentences_without_checksum_are_read_and_cut_ones_are_reported() {
+        let rmc = "$GPRMC,214106,A,3707.8178,N,12139.2690,W,010.3,188.2,230715,013.8,E";
+        assert_eq!(parse(rmc), parse(&format!("{rmc}*{:02X}", checksum(&rmc[1..]))));
+        let cut = NmeaError::Cut { sentence: "RMC", n: 9, least: 11 };
+        assert_eq!(parse("$GPRMC,214106,A,3707.8178,N,12139.2690,W,010.3,188.2,2307"), Err(cut));
+        assert_eq!(
+            parse("$GPRMC,214106,A,3707.8178,N,12139.2690,W,010.3,188.2,230715,013.8,E*0"),
+            Err(NmeaError::Frame)
+        );
+        assert!(matches!(parse("$GPZDA,201530.00,31,02,2002,00,00"), Err(NmeaError::Field { field: 2, .. })));
     }
 }

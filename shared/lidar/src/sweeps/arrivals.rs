@@ -59,8 +59,10 @@ impl SweepReader {
             stats.short_packets += 1;
             return;
         }
-        let is_of_sensor = arrival.port == self.port && arrival.source == self.sensor;
-        let is_data = is_of_sensor && lidar.may_have_sent(payload);
+        let is_data = arrival.port == self.port && lidar.may_have_sent(payload);
+        if is_data && !self.at.source.take(arrival.source, arrival.captured, stats) {
+            return;
+        }
         let is_auxiliary = lidar.unit.is_auxiliary(payload);
         if is_data || is_auxiliary {
             match lidar.clock_reference(payload).map(ClockReference::is_locked) {

@@ -7,5 +7,6 @@ mod nmea_log;
 mod other_makers;
 mod packet_streams;
 mod real_captures;
+mod receiver_logs;
 mod support;
 mod veloview_reference;

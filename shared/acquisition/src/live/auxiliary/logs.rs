@@ -51,8 +51,7 @@ impl FixLog {
         let mut new = Vec::new();
         while let Some(line) = next_line(&mut self.log, &self.path)? {
             // Only this sentence has the date, so its stamp can be compared.
-            let sentence = std::str::from_utf8(&line.text).ok().and_then(|text| nmea::parse(text).ok());
-            if let (Some(Sentence::Rmc(rmc)), Some(arrived)) = (sentence, line.arrived)
+            if let (Ok(Sentence::Rmc(rmc)), Some(arrived)) = (nmea::sentence(&line.text), line.arrived)
                 && let Some(stamp) = rmc.stamp
             {
                 clocks.add(GNSS, stamp.plus_nanos(self.delay_nanos.saturating_neg()), arrived);
@@ -74,7 +73,7 @@ impl FixLog {
     }
 
     pub(super) fn stats(&self) -> LogStats {
-        self.joiner.stats()
+        self.joiner.stats().in_file(&self.path.file_name().unwrap_or_default().to_string_lossy())
     }
 
     pub(super) fn take_counts(&mut self) -> [(&'static str, u64); 2] {

@@ -78,6 +78,7 @@ impl Lines {
             LineKind::Imu => line.split(',').next()?.trim().parse().ok().map(Stamp),
             LineKind::Nmea => match nmea::parse(line).ok()? {
                 Sentence::Rmc(rmc) => rmc.stamp,
+                Sentence::Zda(zda) => zda.stamp,
                 // The time of day nearest to the last time.
                 Sentence::Gga(gga) => {
                     let last = self.last?;

@@ -25,7 +25,7 @@ pub fn add(drive: &Drive, lidar: &LidarSurvey, report: &mut DriveReport) -> anyh
             let (fixes, log) = drive.fixes().with_context(|| entry.file.clone())?;
             (fixes, log, "NMEA log")
         }
-        None if !lidar.fixes.is_empty() => (lidar.fixes.clone(), lidar.log, "position packets"),
+        None if !lidar.fixes.is_empty() => (lidar.fixes.clone(), lidar.log.clone(), "position packets"),
         None => {
             report.section("GNSS", vec!["no receiver".to_owned()]);
             return Ok(());
@@ -56,6 +56,8 @@ fn quality(fixes: &[Fix], log: &LogStats, report: &mut DriveReport) -> Vec<Strin
         4 => "RTK fixed".to_owned(),
         5 => "RTK float".to_owned(),
         6 => "estimated".to_owned(),
+        7 => "manual input".to_owned(),
+        8 => "simulated".to_owned(),
         other => format!("quality {other}"),
     };
     let qualities: Vec<String> = by_quality.iter().map(|(quality, n)| format!("{} {n}", name(*quality))).collect();
@@ -67,17 +69,51 @@ fn quality(fixes: &[Fix], log: &LogStats, report: &mut DriveReport) -> Vec<Strin
     if log.without_fix as f64 > MAX_LOST_SHARE * n_epochs as f64 {
         report.doubt(format!("gnss: {} of {n_epochs} epochs have no position", log.without_fix));
     }
-    if log.bad_lines + log.out_of_order > 0 {
-        lines.push(format!("damaged lines: {}; fixes out of order: {}", log.bad_lines, log.out_of_order));
+    if log.out_of_order > 0 {
+        lines.push(format!("fixes out of order: {}", log.out_of_order));
+    }
+    let first_bad = log.first_bad.as_ref().map(|first| format!("; the first: {first}")).unwrap_or_default();
+    if log.bad_lines > 0 {
+        lines.push(format!("bad lines: {}{first_bad}", log.bad_lines));
     }
     if log.bad_lines * 100 > log.sentences {
-        report.doubt(format!("gnss: {} lines are damaged, of {} sentences", log.bad_lines, log.sentences));
+        let n = log.sentences;
+        report.doubt(format!("gnss: {} lines are damaged or impossible, of {n} sentences{first_bad}", log.bad_lines));
+    }
+    lines.extend(
+        [
+            (log.without_checksum, "sentences without checksum"),
+            (log.null_islands, "skipped fixes at 0 0"),
+            (log.undated, "skipped fixes before the first date"),
+            (log.repeated, "skipped sentences of a second talker in their epoch"),
+        ]
+        .into_iter()
+        .filter(|(n, _)| *n > 0)
+        .map(|(n, what)| format!("{what}: {n}")),
+    );
+    if log.undated > 0 {
+        report.doubt(format!("gnss: {} fixes have no date: log RMC or ZDA sentences", log.undated));
+    }
+    if log.null_islands > 0 {
+        let n = log.null_islands;
+        report.doubt(format!(
+            "gnss: {n} fixes at 0 0 are skipped: the receiver reported a position that it did not have"
+        ));
+    }
+    if log.conflicting > 0 {
+        let apart_m = log.apart_mm as f64 / 1000.0;
+        let n = log.conflicting;
+        report.doubt(format!(
+            "gnss: {n} epochs have two positions, up to {apart_m:.1} m apart: two receivers in one log"
+        ));
     }
     let without_height = fixes.iter().filter(|fix| fix.altitude_m.is_none()).count();
     if without_height > 0 {
         lines.push(format!("fixes without height: {without_height}"));
         if without_height * 2 > fixes.len() {
-            report.doubt(format!("gnss: {without_height} of {} fixes have no height: log GGA sentences", fixes.len()));
+            let fields = if log.without_geoid > 0 { " with geoid separation (field 11)" } else { "" };
+            let n = fixes.len();
+            report.doubt(format!("gnss: {without_height} of {n} fixes have no height: log GGA sentences{fields}"));
         }
     }
     let mut hdops: Vec<f64> = fixes.iter().filter_map(|fix| fix.hdop).collect();
