@@ -7,7 +7,7 @@ use crate::manifest::{LidarEntry, Manifest, PoseEntry};
 use files::problems::{FileError, FileProblem};
 use formats::cloud::check_points;
 use formats::kitti;
-use lidar::pcap::{has_capture_magic, is_capture_name, sort_by_time};
+use lidar::pcap::{Compression, has_capture_magic, is_capture_name, sort_by_time};
 use lidar::{Lidar, Model, SweepReader, velodyne};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -124,6 +124,9 @@ pub(super) fn read(folder: &Path) -> Result<Read, FileError> {
 /// The drive that consists of one capture.
 pub(super) fn drive_from_capture(file: &Path) -> Result<Drive, FileError> {
     let problem = |rule: String| FileError::from(FileProblem::for_file(file, rule));
+    if let Some(compression) = Compression::of_capture(file) {
+        return Err(problem(compression.to_string()));
+    }
     if !is_capture_name(file) && !has_capture_magic(file) {
         return Err(problem(format!(
             "is not a drive: a drive is a folder with {MANIFEST_FILE} or with files *.{}, or a capture *.pcap or *.pcapng",

@@ -2,7 +2,7 @@
 
 use files::names::sort_by_name;
 use geometry::Stamp;
-use lidar::pcap::is_capture_name;
+use lidar::pcap::{Compression, is_capture_name};
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -50,8 +50,14 @@ fn has_extension(path: &Path, extensions: &[&str]) -> bool {
     !hidden && extension.is_some_and(|extension| extensions.contains(&extension.as_str()))
 }
 
-/// Captures in a folder, sorted by name. Hidden files are skipped.
+/// Captures in a folder, sorted by name. Hidden files are skipped. Fails if a capture is only there compressed.
 pub(super) fn captures(folder: &Path) -> io::Result<Vec<PathBuf>> {
+    let is_compressed = |path: &Path| Compression::of_capture(path).is_some();
+    if let Some(path) = files_with_name(folder, is_compressed)?.first()
+        && let Some(compression) = Compression::of_capture(path)
+    {
+        return Err(io::Error::other(format!("{} {compression}", path.display())));
+    }
     files_with_name(folder, is_capture_name)
 }
 

@@ -7,7 +7,7 @@ use super::capture::{Arrival, Captures};
 use super::clock::{Clock, Epoch, Step, TimeBase};
 use super::{Lidar, LidarStats, Model};
 use crate::nmea::{self, Sentence};
-use crate::pcap::PcapError;
+use crate::pcap::{PcapError, unread_frames};
 use crate::velodyne::{DataPacket, PositionPacket};
 use geometry::Stamp;
 use std::collections::BTreeMap;
@@ -112,7 +112,8 @@ pub(super) fn detect(mut captures: Captures, lidar: Option<&Lidar>) -> Result<De
             break;
         }
     }
-    let reasons = || search.others().chain(captures.damage().iter().cloned()).collect();
+    let unread = || captures.files().first().map(|file| unread_frames(file)).unwrap_or_default();
+    let reasons = || search.others().chain(captures.damage().iter().cloned()).chain(unread()).collect();
     Ok(search.result().map_or_else(|| Detection::NoSensor(reasons()), Detection::Found))
 }
 

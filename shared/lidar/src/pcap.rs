@@ -1,7 +1,7 @@
 //! Packet captures: classic pcap (libpcap) and pcapng (IETF draft-ietf-opsawg-pcapng), limited to what sensors send.
 //!
-//! Read: both byte orders, microsecond and nanosecond stamps, UDP over IPv4 over Ethernet (with VLAN tags), Linux cooked, loopback
-//! and raw IP, whole or in fragments. Other packets are counted as foreign.
+//! Read: both byte orders, microsecond and nanosecond stamps, UDP over IPv4 and IPv6 over Ethernet and Linux cooked (with VLAN tags and PPPoE), loopback
+//! and raw IP, whole or in fragments. Other packets are counted as foreign. Senders of IPv6 get addresses of 240.0.0.0/4.
 //! Written: classic pcap, microseconds, little-endian, with the headers of a sensor broadcast. A capture can be read while it is
 //! being written, see [`Recorder`].
 //!
@@ -9,6 +9,7 @@
 //! written. Existing crates do neither.
 
 mod blocks;
+mod compressed;
 mod damage;
 mod fragments;
 mod link;
@@ -16,13 +17,16 @@ mod order;
 mod reader;
 mod recorder;
 mod tail;
+mod unread;
 mod writer;
 
+pub use compressed::Compression;
 pub use damage::Damage;
 pub use order::{has_capture_magic, is_capture_name, sort_by_time};
 pub use reader::{PacketReader, ReadStats, UdpPacket};
 pub use recorder::{Frontier, Recorder};
 pub use tail::last_stamp;
+pub(crate) use unread::unread_frames;
 pub use writer::Writer;
 
 use std::path::PathBuf;

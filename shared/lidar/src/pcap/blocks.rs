@@ -1,6 +1,6 @@
 //! Records of a capture of either format: stamp, link type and captured bytes.
 
-use super::{Damage, PcapError};
+use super::{Compression, Damage, PcapError};
 use geometry::Stamp;
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
@@ -96,7 +96,15 @@ impl Records {
         let damaged = |damage| PcapError::Damaged { path: path.to_owned(), offset: 0, damage };
         file.read_exact(&mut magic).map_err(|_| damaged(Damage::NoHeader))?;
         let Some(format) = Format::from_magic(magic) else {
-            return Err(damaged(Damage::Magic(u32::from_le_bytes(magic))));
+            let number = u32::from_le_bytes(magic);
+            return Err(damaged(match Compression::from_magic(magic) {
+                Some(compression) => Damage::Compressed(compression),
+                // Of patched versions of libpcap.
+                None if matches!(number, 0xa1b2_cd34 | 0x34cd_b2a1 | 0xa1b2_34cd | 0xcd34_b2a1) => {
+                    Damage::Variant(number)
+                }
+                None => Damage::Magic(number),
+            }));
         };
         // Of a classic capture; a section of pcapng has its own mark.
         let big_endian = magic[0] == 0xa1;

@@ -1,6 +1,7 @@
 //! Kinds of damage of a capture.
 
 use super::blocks::{MAX_FRAME, MAX_INTERFACES};
+use super::compressed::Compression;
 
 /// Damage of a capture: the value found and the value expected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -11,6 +12,12 @@ pub enum Damage {
     /// The header of a pcap file is cut.
     #[error("the file ends inside the header")]
     CutHeader,
+    /// The file is compressed.
+    #[error("the file {0}")]
+    Compressed(Compression),
+    /// The variant of pcap is not read.
+    #[error("magic number {0:08x}: a variant of pcap with longer records; convert it with `editcap -F pcap IN OUT`")]
+    Variant(u32),
     /// The file is not a capture.
     #[error("magic number {0:08x} is neither pcap nor pcapng")]
     Magic(u32),

@@ -15,7 +15,7 @@ pub mod stream;
 pub mod text;
 
 use ::lidar::nmea::Fix;
-use ::lidar::pcap::{has_capture_magic, is_capture_name};
+use ::lidar::pcap::{Compression, has_capture_magic, is_capture_name};
 use anyhow::Context;
 use command_line::answer::Answer;
 use command_line::exit_code;
@@ -94,7 +94,7 @@ pub fn is_drive(path: &Path) -> bool {
         extension.is_some_and(|extension| known.contains(&extension.as_str()))
     };
     if path.is_file() {
-        return is_capture_name(path) || has_capture_magic(path);
+        return is_capture_name(path) || has_capture_magic(path) || Compression::of_capture(path).is_some();
     }
     if path.join(MANIFEST_FILE).is_file() {
         return true;
@@ -102,8 +102,9 @@ pub fn is_drive(path: &Path) -> bool {
     let files = || path.read_dir().into_iter().flatten().flatten().map(|entry| entry.path());
     !path.join("clouds").is_dir()
         && !files().any(|file| has_extension(&file, &["ply"]))
-        && (files().any(|file| is_capture_name(&file) || has_extension(&file, &["pcd", "bin"]))
-            || !drive::unnamed_captures(path).unwrap_or_default().is_empty())
+        && (files().any(|file| {
+            is_capture_name(&file) || Compression::of_capture(&file).is_some() || has_extension(&file, &["pcd", "bin"])
+        }) || !drive::unnamed_captures(path).unwrap_or_default().is_empty())
 }
 
 /// Prints the report and writes the page.
