@@ -6,6 +6,8 @@ use std::io::{self, BufRead, Read};
 
 /// First line of a file.
 pub const HEADER: &str = "stamp,ax,ay,az,wx,wy,wz";
+/// Columns of [`HEADER`].
+const N_COLUMNS: usize = 7;
 /// Longest line that is read, bytes. Seven numbers need less than 200.
 const MAX_LINE: u64 = 1024;
 
@@ -53,6 +55,14 @@ pub enum ImuFault {
     /// A column is missing.
     #[error("{0} is missing; expected columns {HEADER}")]
     MissingColumn(&'static str),
+    /// There are more cells than columns, as with decimal commas.
+    #[error("{n} cells for {n_columns} columns {HEADER}; numbers must have a decimal point")]
+    ManyCells {
+        /// Cells of the line.
+        n: usize,
+        /// Columns of the header.
+        n_columns: usize,
+    },
     /// A column is not a finite number.
     #[error("{column} {found:?} is not a finite number")]
     Number {
@@ -88,6 +98,8 @@ pub enum ImuFault {
 pub struct ImuParser {
     line: u64,
     last: Option<Stamp>,
+    /// Columns that the header names in addition to the seven.
+    n_more_columns: usize,
     body_from_unit: Option<UnitQuaternion<f64>>,
     delay_nanos: i64,
 }
@@ -108,7 +120,11 @@ impl ImuParser {
     /// The sample of the next line; `None` for an empty line and for the header in the first line.
     pub fn take(&mut self, line: &[u8]) -> Option<Result<ImuSample, ImuError>> {
         self.line += 1;
+        let line = line.strip_prefix(b"\xef\xbb\xbf").filter(|_| self.line == 1).unwrap_or(line);
         let is_header = self.line == 1 && line.starts_with(b"stamp");
+        if is_header {
+            self.n_more_columns = line.split(|byte| *byte == b',').count().saturating_sub(N_COLUMNS);
+        }
         if is_header || line.trim_ascii().is_empty() {
             return None;
         }
@@ -129,6 +145,12 @@ impl ImuParser {
             if number.abs() > limit {
                 return Err(ImuFault::Impossible { column: name, found: field.to_owned(), limit, unit });
             }
+        }
+        let rest: Vec<&str> = fields.collect();
+        // An empty cell may follow the last column.
+        if rest.len() > self.n_more_columns && rest[self.n_more_columns..].iter().any(|cell| !cell.is_empty()) {
+            let [n, n_columns] = [rest.len(), self.n_more_columns].map(|n| n + N_COLUMNS);
+            return Err(ImuFault::ManyCells { n, n_columns });
         }
         if let Some(previous) = self.last.filter(|last| *last >= stamp) {
             return Err(ImuFault::NotRising { stamp, previous });
@@ -261,6 +283,17 @@ mod tests {
         let [x, y, z] = samples[0].acceleration;
         assert!((x + 2.0).abs() < 1e-12 && (y - 1.0).abs() < 1e-12 && (z - 9.81).abs() < 1e-12, "{samples:?}");
         assert!((samples[0].angular_rate[0] + 0.2).abs() < 1e-12, "{samples:?}");
+    }
+
+    #[test]
+    fn decimal_commas_are_bad_lines_and_named_columns_are_not() {
+        let mut parser = ImuParser::default();
+        assert!(parser.take(b"\xef\xbb\xbfstamp,ax,ay,az,wx,wy,wz,temperature").is_none());
+        let mut take = |line: &str| parser.take(line.as_bytes()).expect("is a line").map_err(|error| error.to_string());
+        assert!(take("1,0.1,0.2,9.8,0,0,0,25").is_ok() && take("2,0.1,0.2,9.8,0,0,0").is_ok());
+        assert!(take("3,0.1,0.2,9.8,0,0,0,25,").is_ok());
+        let error = take("4,0,1,0,2,9,8,0,0,0,0,0,0").expect_err("is refused");
+        assert!(error.contains("13 cells for 8 columns"), "{error}");
     }
 
     #[test]

@@ -47,7 +47,7 @@ pub use sweeps::{SourcePosition, SweepSource};
 use crate::imu::ImuReader;
 use crate::manifest::{ImuEntry, Manifest};
 use files::problems::{FileError, FileProblem};
-use files::text_file::{MAX_SETTINGS_BYTES, read_text};
+use files::text_file::{MAX_SETTINGS_BYTES, read_long_text, read_text};
 use formats::sensor_calibration::SensorCalibration;
 use formats::trajectory::trajectory_from_tum;
 use geometry::{Rig, Stamp, Trajectory};
@@ -191,7 +191,7 @@ impl Drive {
     /// Ground-truth trajectory, if the drive has one.
     pub fn true_trajectory(&self) -> Option<Result<Trajectory, FileProblem>> {
         let path = self.folder.join(&self.manifest.truth.as_ref()?.trajectory);
-        let text = fs::read_to_string(&path).map_err(|error| FileProblem::for_file(&path, error.to_string()));
+        let text = read_long_text(&path).map_err(|error| FileProblem::for_file(&path, error.to_string()));
         Some(text.and_then(|text| {
             trajectory_from_tum(&text).map_err(|error| FileProblem::for_file(&path, error.to_string()))
         }))

@@ -179,16 +179,44 @@ impl Check<'_> {
             read => read.ok(),
         };
         let text = text?;
-        let lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
-        let stamps: Option<Vec<Stamp>> = lines.map(|line| line.parse().ok().map(Stamp)).collect();
-        let rising = |stamps: &Vec<Stamp>| stamps.windows(2).all(|pair| pair[0] < pair[1]);
-        let stamps = stamps.filter(|stamps| stamps.len() == n_sweeps && rising(stamps));
-        self.file.rule(key, stamps.is_some(), || {
-            format!("{} must have {n_sweeps} increasing stamps in ns, one per line for each sweep", path.display())
-        });
+        let stamps = stamps_of_sweeps(&text, n_sweeps);
+        if let Err(found) = &stamps {
+            let path = path.display();
+            self.file.fault(
+                key,
+                format!("{path} must have {n_sweeps} increasing stamps in ns, one per line for each sweep; {found}"),
+            );
+        }
         Some(stamps.unwrap_or_default())
     }
 }
+
+/// Increasing stamps, one per line. The error names the first line that is wrong.
+fn stamps_of_sweeps(text: &str, n_sweeps: usize) -> Result<Vec<Stamp>, String> {
+    let mut stamps: Vec<Stamp> = Vec::new();
+    for (number, line) in (1..).zip(text.lines().map(str::trim)).filter(|(_, line)| !line.is_empty()) {
+        let stamp = line.parse().map(Stamp).map_err(|_| format!("line {number} is {line:?}"))?;
+        if let Some(previous) = stamps.last().filter(|previous| **previous >= stamp) {
+            return Err(format!("line {number}, {}, is not after {}", stamp.0, previous.0));
+        }
+        stamps.push(stamp);
+    }
+    let mut intervals: Vec<i64> = stamps.windows(2).map(|pair| pair[1].0.saturating_sub(pair[0].0)).collect();
+    intervals.sort_unstable();
+    match intervals.get(intervals.len() / 2) {
+        Some(median) if *median < MIN_INTERVAL_NANOS && stamps[0].0 >= MIN_SECONDS => Err(format!(
+            "its stamps have a median interval of {median} ns, and sweeps are at least {MIN_INTERVAL_NANOS} ns apart: check their unit"
+        )),
+        _ if stamps.len() == n_sweeps => Ok(stamps),
+        _ => Err(format!("it has {}", stamps.len())),
+    }
+}
+
+/// Least median time between sweeps: no LiDAR has more than 500 sweeps per second.
+const MIN_INTERVAL_NANOS: i64 = 2_000_000;
+
+/// Smaller numbers are not seconds since 1970, nor a smaller unit: the stamps of a clock that was never set.
+const MIN_SECONDS: i64 = 500_000_000;
 
 /// Files of the sweeps of a LiDAR.
 #[derive(Default)]

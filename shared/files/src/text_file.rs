@@ -14,7 +14,7 @@ pub const MAX_CALIBRATION_BYTES: u64 = 16 << 20;
 /// Error of a file that is not read.
 #[derive(Debug, thiserror::Error)]
 pub enum TextFileError {
-    /// The operating system reported an error, or the text is not UTF-8.
+    /// The operating system reported an error, or the bytes are not text.
     #[error("{0}")]
     Io(#[from] io::Error),
     /// The file is a device, a pipe or a folder, which may never end.
@@ -41,10 +41,41 @@ pub fn read_text(path: &Path, limit: u64) -> Result<String, TextFileError> {
     if !path.metadata()?.is_file() {
         return Err(TextFileError::NotRegular);
     }
-    let mut text = String::new();
+    let mut bytes = Vec::new();
     // The file may grow, or report no size like the files of /proc.
-    File::open(path)?.take(limit + 1).read_to_string(&mut text)?;
-    if text.len() as u64 > limit { Err(TextFileError::TooLarge { limit }) } else { Ok(text) }
+    File::open(path)?.take(limit + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > limit { Err(TextFileError::TooLarge { limit }) } else { Ok(text_from_bytes(bytes)?) }
+}
+
+/// Reads a text of any length, as [`text_from_bytes`].
+pub fn read_long_text(path: &Path) -> io::Result<String> {
+    text_from_bytes(std::fs::read(path)?)
+}
+
+/// The text of a file in UTF-8, or in UTF-16 with a byte order mark, as editors and spreadsheets of Windows write it. The mark is removed.
+/// The error names the first byte that is not text.
+pub fn text_from_bytes(bytes: Vec<u8>) -> io::Result<String> {
+    let fault = |text: String| io::Error::new(io::ErrorKind::InvalidData, text);
+    let utf16 = |unit: fn([u8; 2]) -> u16| {
+        let units = bytes[2..].chunks_exact(2).map(|pair| unit([pair[0], pair[1]]));
+        let text: Result<String, _> = char::decode_utf16(units).collect();
+        text.map_err(|error| fault(format!("is not UTF-16: {error}; save it as UTF-8")))
+    };
+    match bytes[..] {
+        [0xff, 0xfe, ..] => utf16(u16::from_le_bytes),
+        [0xfe, 0xff, ..] => utf16(u16::from_be_bytes),
+        _ => match String::from_utf8(bytes) {
+            Ok(text) => Ok(text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text)),
+            Err(error) => {
+                let at = error.utf8_error().valid_up_to();
+                let line = 1 + error.as_bytes()[..at].iter().filter(|byte| **byte == b'\n').count();
+                let byte = error.as_bytes()[at];
+                Err(fault(format!(
+                    "byte {at} (line {line}) is {byte:#04x}, which is not UTF-8; save the file as UTF-8"
+                )))
+            }
+        },
+    }
 }
 
 /// Error of a TOML file that is not read.
@@ -89,6 +120,17 @@ mod tests {
         let too_deep = "byte 150: more than 100 arrays and inline tables are open here";
         assert_eq!(read(&"[[=".repeat(8000)).expect_err("refused"), too_deep);
         assert!(read("a = ").expect_err("refused").contains("line 1"));
+    }
+
+    #[test]
+    fn text_with_a_byte_order_mark_is_read_and_other_bytes_are_named() {
+        let utf16 = |unit: fn(u16) -> [u8; 2]| "\u{feff}1,5\r\n".encode_utf16().flat_map(unit).collect::<Vec<u8>>();
+        for bytes in ["1,5\r\n".into(), "\u{feff}1,5\r\n".into(), utf16(u16::to_le_bytes), utf16(u16::to_be_bytes)] {
+            assert_eq!(text_from_bytes(bytes).expect("is text"), "1,5\r\n");
+        }
+        let refused = |bytes: &[u8]| text_from_bytes(bytes.to_vec()).expect_err("refused").to_string();
+        assert_eq!(refused(b"a\n\xe9"), "byte 2 (line 2) is 0xe9, which is not UTF-8; save the file as UTF-8");
+        assert!(refused(b"\xff\xfe\x00\xd8").starts_with("is not UTF-16"));
     }
 
     #[test]

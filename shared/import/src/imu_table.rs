@@ -1,10 +1,11 @@
 //! IMU samples in third-party tables: a header names the columns.
 
 use crate::error::{At, ImportError};
-use crate::stamp_text::nanos;
+use crate::stamp_text::{nanos, unquoted};
 use drive::imu::ImuSample;
+use files::text_file::read_long_text;
 use geometry::Stamp;
-use std::fs;
+use std::borrow::Cow;
 use std::path::Path;
 
 /// Prefixes of the names of a stamp column, in lower case, reduced to letters and digits.
@@ -22,9 +23,12 @@ struct Columns {
 
 /// Reads a table, in its own units.
 pub(crate) fn read(path: &Path) -> Result<Vec<ImuSample>, ImportError> {
-    let text = fs::read_to_string(path).at(path)?;
+    let text = read_long_text(path).at(path)?;
     let mut lines = (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty());
-    let header = lines.next().map(|(_, line)| words(line.trim_start_matches('#'))).unwrap_or_default();
+    let first = lines.next().map(|(_, line)| line.trim_start_matches('#')).unwrap_or_default();
+    let separator = Separator::of_header(first);
+    let header = separator.words(first);
+    let header: Vec<&str> = header.iter().map(AsRef::as_ref).collect();
     let columns = Columns::from_header(&header).ok_or_else(|| {
         let rule = "the first line must name the columns: timestamp (or sec and nsec), ax ay az (m/s^2 or g) and wx wy wz (rad/s)";
         ImportError::at_line(path, 1, rule)
@@ -32,7 +36,14 @@ pub(crate) fn read(path: &Path) -> Result<Vec<ImuSample>, ImportError> {
     let mut samples: Vec<ImuSample> = Vec::new();
     for (number, line) in lines {
         let fault = |rule: &str| ImportError::at_line(path, number, format!("{line:?}: {rule}"));
-        let words = words(line);
+        let words = separator.words(line);
+        // Cells of a decimal comma would be read as columns. An empty cell may follow the last column.
+        if words.len() > header.len() && words[header.len()..].iter().any(|word| !word.is_empty()) {
+            let (n, n_columns) = (words.len(), header.len());
+            return Err(fault(&format!(
+                "has {n} cells, the first line names {n_columns}; with decimal commas, separate the cells by semicolons or tabs"
+            )));
+        }
         let stamp = columns.stamp(&words).ok_or_else(|| fault("has no valid stamp"))?;
         let value = |column: usize| words.get(column)?.parse().ok().filter(|value: &f64| value.is_finite());
         let Some([ax, ay, az, wx, wy, wz]) = all(columns.values.map(value)) else {
@@ -51,10 +62,37 @@ fn all(values: [Option<f64>; 6]) -> Option<[f64; 6]> {
     values.iter().copied().collect::<Option<Vec<f64>>>()?.try_into().ok()
 }
 
-/// Fields of a line.
-fn words(line: &str) -> Vec<&str> {
-    let by_comma: Vec<&str> = line.split([',', ';', '\t']).map(str::trim).collect();
-    if by_comma.len() > 1 { by_comma } else { line.split_whitespace().collect() }
+/// What separates the cells of a line.
+#[derive(Clone, Copy)]
+enum Separator {
+    Comma,
+    /// Semicolons or tabs: a comma is a decimal comma.
+    SemicolonOrTab,
+    Space,
+}
+
+impl Separator {
+    fn of_header(header: &str) -> Self {
+        match header {
+            _ if header.contains([';', '\t']) => Self::SemicolonOrTab,
+            _ if header.contains(',') => Self::Comma,
+            _ => Self::Space,
+        }
+    }
+
+    /// The cells of a line, with decimal points.
+    fn words(self, line: &str) -> Vec<Cow<'_, str>> {
+        let point = |cell: &str| unquoted(cell).replace(',', ".");
+        match self {
+            Self::Comma => line.split(',').map(unquoted).map(Cow::Borrowed).collect(),
+            Self::SemicolonOrTab => line.split([';', '\t']).map(point).map(Cow::Owned).collect(),
+            Self::Space => {
+                let words: Vec<_> = line.split_whitespace().map(point).map(Cow::Owned).collect();
+                // Below a header with spaces, the values may have commas between them.
+                if words.len() > 1 { words } else { Self::Comma.words(line) }
+            }
+        }
+    }
 }
 
 impl Columns {
@@ -81,7 +119,7 @@ impl Columns {
         Some(Self { stamp, values: [ax, ay, az, wx, wy, wz] })
     }
 
-    fn stamp(&self, words: &[&str]) -> Option<Stamp> {
+    fn stamp(&self, words: &[Cow<'_, str>]) -> Option<Stamp> {
         let (first, second) = self.stamp;
         let text = words.get(first)?;
         let Some(second) = second else { return nanos(text).map(Stamp) };

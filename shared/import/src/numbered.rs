@@ -2,7 +2,7 @@
 
 use crate::error::{At, ImportError};
 use crate::files::files;
-use std::fs;
+use files::text_file::read_long_text;
 use std::path::{Path, PathBuf};
 
 /// The stamps of a sensor: one per line.
@@ -26,7 +26,7 @@ pub(crate) struct StampedFile {
 impl Stamps {
     /// Reads one stamp per line.
     pub fn read(path: &Path, nanos: fn(&str) -> Option<i64>) -> Result<Self, ImportError> {
-        let text = fs::read_to_string(path).at(path)?;
+        let text = read_long_text(path).at(path)?;
         let lines = (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty());
         let stamp = |(number, line): (usize, &str)| match nanos(line.trim()) {
             Some(nanos) => Ok((number, nanos)),

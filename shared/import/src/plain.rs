@@ -15,6 +15,7 @@ use cloud_sweep::{CloudSweep, SweepForm};
 use drive::imu::csv_from_samples;
 use drive::manifest::{ImuEntry, LidarEntry, PoseEntry};
 use files::names::natural_order;
+use files::text_file::read_long_text;
 use formats::trajectory::TrajectoryFile;
 use geometry::Trajectory;
 use lidar::{Model, velodyne};
@@ -160,7 +161,7 @@ fn add_truth(plan: &mut Plan, source: &Path, sweeps: &Sweeps) -> Result<(), Impo
 
 /// Reads rows of seconds, ns, x y z and the quaternion x y z w, after a header.
 fn newer_college(path: &Path) -> Result<Trajectory, ImportError> {
-    let text = std::fs::read_to_string(path).at(path)?;
+    let text = read_long_text(path).at(path)?;
     let mut tum = String::new();
     for (number, line) in (1..).zip(text.lines().map(str::trim)) {
         let is_header = number == 1 && line.contains(|c: char| c.is_ascii_alphabetic());

@@ -34,6 +34,13 @@ pub(crate) fn nanos_of_name(stem: &str) -> Option<i64> {
     }
 }
 
+/// A cell without white space and quotes around it.
+pub(crate) fn unquoted(cell: &str) -> &str {
+    let cell = cell.trim();
+    let inner = ['"', '\''].iter().find_map(|quote| cell.strip_prefix(*quote)?.strip_suffix(*quote));
+    inner.unwrap_or(cell).trim()
+}
+
 /// Parses decimal seconds exactly.
 fn seconds(text: &str) -> Option<i64> {
     let (whole, decimals) = text.split_once('.')?;

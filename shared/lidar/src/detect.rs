@@ -5,6 +5,8 @@
 
 use super::capture::{Arrival, Captures};
 use super::clock::{Clock, Epoch, Step, TimeBase};
+use super::decoder::PacketDecoder;
+use super::field_of_view::{FiredAngles, SilentSector};
 use super::{Lidar, LidarStats, Model};
 use crate::nmea::{self, Sentence};
 use crate::pcap::{PcapError, unread_frames};
@@ -40,6 +42,8 @@ pub(super) struct StreamInfo {
     pub(super) clock: Clock,
     /// The first data packet.
     pub(super) payload: Vec<u8>,
+    /// Where the sensor is set to fire nothing.
+    pub(super) silent_sector: Option<SilentSector>,
 }
 
 /// Result of the detection.
@@ -64,6 +68,9 @@ struct Candidate {
     times: Vec<(i64, Stamp)>,
     /// Its first packet.
     payload: Vec<u8>,
+    /// `None` if the packets cannot be decoded without a file.
+    decoder: Option<PacketDecoder>,
+    angles: FiredAngles,
 }
 
 /// Results of the search so far.
@@ -152,11 +159,18 @@ impl Search {
         let nanos = lidar.packet_nanos(payload);
         let index = known.unwrap_or_else(|| {
             let payload = payload.to_vec();
-            self.candidates.push(Candidate { lidar, sensor, port, n_packets: 0, times: Vec::new(), payload });
+            let decoder = lidar.missing_file().is_none().then(|| PacketDecoder::new(&lidar));
+            let decoder = decoder.filter(PacketDecoder::is_regular);
+            let angles = FiredAngles::default();
+            let times = Vec::new();
+            self.candidates.push(Candidate { lidar, sensor, port, n_packets: 0, times, payload, decoder, angles });
             self.candidates.len() - 1
         });
         let candidate = &mut self.candidates[index];
         candidate.n_packets += 1;
+        if let Some(decoder) = &candidate.decoder {
+            candidate.angles.add(&decoder.blocks(payload), arrival.captured);
+        }
         if candidate.times.len() < TIMES {
             candidate.times.push((nanos, arrival.captured));
         }
@@ -192,7 +206,8 @@ impl Search {
     }
 
     fn result(&self) -> Option<StreamInfo> {
-        let Candidate { lidar, sensor, port, times, payload, .. } = self.best()?;
+        let Candidate { lidar, sensor, port, times, payload, angles, .. } = self.best()?;
+        let silent_sector = angles.silent_sector();
         let host_ahead_nanos = self.host_ahead_nanos.get(sensor.ip()).copied().unwrap_or_default();
         let epoch = lidar.epoch();
         let clock = Clock::new(time_base(times, epoch), epoch, host_ahead_nanos);
@@ -202,7 +217,7 @@ impl Search {
         if lidar.missing_file().is_some() {
             return None;
         }
-        Some(StreamInfo { lidar, sensor: *sensor, port: *port, clock, payload })
+        Some(StreamInfo { lidar, sensor: *sensor, port: *port, clock, payload, silent_sector })
     }
 }
 

@@ -21,6 +21,7 @@ mod clock;
 mod clock_reference;
 mod decoder;
 mod detect;
+mod field_of_view;
 pub mod hesai;
 pub mod livox;
 mod maker;

@@ -9,6 +9,7 @@ use super::capture::Captures;
 use super::clock::Clock;
 use super::decoder::PacketDecoder;
 use super::detect::{Detection, MAX_EXAMINED, StreamInfo, detect};
+use super::field_of_view::SilentSector;
 use super::maker::{Cut, MAX_RETURNS_PER_PACKET};
 use super::receiver::Receiver;
 use super::reorder::{Held, Place, Reorder, WINDOW};
@@ -122,6 +123,7 @@ pub struct SweepReader {
     typical_packet: (u64, u64),
     sensor: SocketAddrV4,
     port: u16,
+    silent_sector: Option<SilentSector>,
     at: SweepPosition,
     reorder: Reorder,
     /// Payload and blocks of the current packet.
@@ -191,6 +193,7 @@ impl SweepReader {
             decoder,
             sensor: stream.sensor,
             port: stream.port,
+            silent_sector: stream.silent_sector,
             at: SweepPosition {
                 seq: 0,
                 clock: stream.clock,

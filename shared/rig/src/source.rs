@@ -121,7 +121,7 @@ fn text(path: &Path) -> Result<String, RigError> {
     if size > MAX_BYTES {
         return Err(RigError::source(path, "", format!("{size} bytes; must be at most {MAX_BYTES}")));
     }
-    std::fs::read_to_string(path).map_err(|error| RigError::io(path, error))
+    files::text_file::read_long_text(path).map_err(|error| RigError::io(path, error))
 }
 
 fn yaml_error(path: &Path, fault: &YamlError) -> RigError {

@@ -2,8 +2,8 @@
 
 use crate::error::{At, ImportError};
 use crate::stamp_text::nanos;
+use files::text_file::read_long_text;
 use geometry::{Isometry3, Pose, Stamp, Trajectory, UnitQuaternion, Vector3};
-use std::fs;
 use std::path::Path;
 
 /// Columns that are read.
@@ -11,7 +11,7 @@ const COLUMNS: [&str; 7] = ["GPSTime", "easting", "northing", "altitude", "roll"
 
 /// Poses of the body in the frame of east, north and up at the first one.
 pub(super) fn read(path: &Path, lidar_from_body: &Pose) -> Result<Trajectory, ImportError> {
-    let text = fs::read_to_string(path).at(path)?;
+    let text = read_long_text(path).at(path)?;
     let mut lines = (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty());
     let header: Vec<&str> = lines.next().map(|(_, line)| line.split(',').map(str::trim).collect()).unwrap_or_default();
     let mut columns = [0; COLUMNS.len()];
@@ -63,7 +63,7 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("lidar_poses.csv");
         let text = format!("{}\n1630597330954834,1,2,3,{roll},{pitch},{yaw}\n", COLUMNS.join(","));
-        fs::write(&path, text).expect("writes");
+        std::fs::write(&path, text).expect("writes");
         let trajectory = read(&path, &Pose::identity()).expect("reads");
         let (stamp, pose) = trajectory.poses()[0];
         assert_eq!(stamp.0, 1_630_597_330_954_834_000);

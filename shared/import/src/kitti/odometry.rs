@@ -10,9 +10,9 @@ use crate::numbered::Stamps;
 use crate::plan::Plan;
 use crate::times::nanos_of_seconds;
 use crate::{Kind, Options};
+use files::text_file::read_long_text;
 use formats::trajectory::poses_from_kitti;
 use geometry::{Pose, Stamp, Trajectory};
-use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Folder of the labels in the drive.
@@ -127,7 +127,7 @@ fn camera(
 
 /// Adds the poses of the rectified camera 0 in its first frame. The world frame of the drive is the first body frame.
 fn add_truth(plan: &mut Plan, path: &Path, stamps: &Stamps, body_from_camera: &Pose) -> Result<(), ImportError> {
-    let poses = poses_from_kitti(&fs::read_to_string(path).at(path)?).at(path)?;
+    let poses = poses_from_kitti(&read_long_text(path).at(path)?).at(path)?;
     if poses.len() != stamps.len() {
         let rule = format!("{} poses, but {} has {} times", poses.len(), stamps.path().display(), stamps.len());
         return Err(ImportError::at(path, rule));

@@ -83,6 +83,10 @@ impl GnssLog {
     fn sentence(&mut self, line: &str) -> Result<(), String> {
         let (times, sentence) = line.split_once('$').ok_or("has no sentence; expected timestamp $...*hh")?;
         let stamp = stamp(times.split_whitespace().next())?;
+        // The recorder writes each sentence with its checksum, so one without it is cut.
+        if !sentence.contains('*') {
+            return Err("the sentence has no checksum; it is cut".to_owned());
+        }
         match parse(&format!("${sentence}")).map_err(|error| error.to_string())? {
             Sentence::Gga(gga) => {
                 let position_deg =

@@ -5,8 +5,8 @@ use crate::error::{At, ImportError};
 use crate::files::files;
 use crate::imu_units::to_metric;
 use drive::imu::ImuSample;
+use files::text_file::read_long_text;
 use geometry::Stamp;
-use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Columns of files without header.
@@ -30,7 +30,7 @@ pub(super) fn read(inputs: &[PathBuf]) -> Result<ImuLog, ImportError> {
     let mut n_others = 0;
     let mut n_not_rising = 0;
     for path in inputs {
-        let text = fs::read_to_string(path).at(path)?;
+        let text = read_long_text(path).at(path)?;
         let mut columns: Vec<&str> = COLUMNS.to_vec();
         for (number, line) in (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty()) {
             let words: Vec<&str> = line.split([' ', ',', '\t']).filter(|word| !word.is_empty()).collect();

@@ -2,10 +2,10 @@
 
 use super::find_file;
 use crate::error::{At, ImportError};
-use crate::stamp_text::{nanos, nanos_of_name};
+use crate::stamp_text::{nanos, nanos_of_name, unquoted};
 use files::names::{natural_order, numbers};
+use files::text_file::read_long_text;
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Names of tables.
@@ -43,7 +43,10 @@ pub(super) fn stamped(source: &Path, files: Vec<(String, PathBuf)>) -> Result<St
     }
     let place = table.as_deref().unwrap_or(source);
     if table.is_none() {
-        check_decimals(source, both.iter().map(|(_, (name, _))| name.as_str()))?;
+        let decimals =
+            |name: &str| stem(name).rsplit('_').next()?.split_once('.').map(|(_, decimals)| decimals.to_owned());
+        let all = both.iter().filter_map(|(_, (name, path))| Some((path.as_path(), decimals(name)?)));
+        check_decimals(all.collect()).map_err(|(path, rule)| ImportError::at(path, rule))?;
     }
     let (times, files): (Vec<i64>, Vec<_>) = both.into_iter().unzip();
     check_intervals(place, &times)?;
@@ -69,22 +72,20 @@ fn check_intervals(place: &Path, times: &[i64]) -> Result<(), ImportError> {
     }
 }
 
-/// Fails if names such as `1700000000.5000000` may contain seconds and ns without leading zeros instead of decimals: the
-/// decimals have different lengths, none begins with a zero, and some end with one.
-fn check_decimals<'a>(source: &Path, names: impl Iterator<Item = &'a str>) -> Result<(), ImportError> {
-    let decimals = |name: &'a str| stem(name).rsplit('_').next()?.split_once('.').map(|(_, decimals)| (name, decimals));
-    let all: Vec<(&str, &str)> = names.filter_map(decimals).collect();
-    let lengths = |(_, decimals): &(&str, &str)| decimals.len();
+/// Fails if stamps such as `1700000000.5000000` may contain seconds and ns without leading zeros instead of decimals: the
+/// decimals have different lengths, none begins with a zero, and some end with one. Returns the place of the first one and the rule.
+fn check_decimals<P: Copy>(all: Vec<(P, String)>) -> Result<(), (P, String)> {
+    let lengths = |(_, decimals): &(P, String)| decimals.len();
     let (shortest, longest) = (all.iter().map(lengths).min(), all.iter().map(lengths).max());
     let is_cut =
-        |(_, decimals): &&(&str, &str)| Some(decimals.len()) < longest && decimals.len() > 1 && decimals.ends_with('0');
+        |(_, decimals): &&(P, String)| Some(decimals.len()) < longest && decimals.len() > 1 && decimals.ends_with('0');
     let has_leading = all.iter().any(|(_, decimals)| decimals.len() > 1 && decimals.starts_with('0'));
     match all.iter().find(is_cut) {
-        Some((name, decimals)) if shortest != longest && !has_leading => Err(ImportError::at(
-            &source.join(name),
+        Some((place, decimals)) if shortest != longest && !has_leading => Err((
+            *place,
             format!(
-                "the decimals {decimals:?} may be a number of ns without leading zeros: other names have up to {} digits. Write all \
-                 names with 9 decimals, or add a table times.txt",
+                "the decimals {decimals:?} may be a number of ns without leading zeros: other stamps have up to {} digits. Write all \
+                 stamps with 9 decimals",
                 longest.unwrap_or_default()
             ),
         )),
@@ -147,13 +148,14 @@ fn decimal_comma(word: &str) -> Option<i64> {
 
 /// Stamps by line, or by the names of the sweeps if the lines contain them.
 fn read_table(path: &Path, files: &[(String, PathBuf)]) -> Result<Vec<i64>, ImportError> {
-    let text = fs::read_to_string(path).at(path)?;
+    let text = read_long_text(path).at(path)?;
     let names: BTreeMap<&str, usize> =
         files.iter().enumerate().flat_map(|(index, (name, _))| [(name.as_str(), index), (stem(name), index)]).collect();
     let mut by_name: Vec<Option<i64>> = vec![None; files.len()];
     let mut in_order: Vec<i64> = Vec::new();
     let mut has_header = false;
     let mut has_nanos = false;
+    let mut decimals: Vec<(usize, String)> = Vec::new();
     for (number, line) in (1..).zip(text.lines().map(str::trim)) {
         if line.is_empty() || line.starts_with('#') {
             has_nanos |= names_nanos(line);
@@ -161,11 +163,14 @@ fn read_table(path: &Path, files: &[(String, PathBuf)]) -> Result<Vec<i64>, Impo
         }
         // Next to other separators, a comma is a decimal comma.
         let separators: &[char] = if line.contains([';', '\t']) { &[';', '\t'] } else { &[','] };
-        let words: Vec<&str> = line.split(separators).map(str::trim).collect();
+        let words: Vec<&str> = line.split(separators).map(unquoted).collect();
         // Dates contain a space, so a line is first parsed as one stamp.
         let words = if words.len() == 1 && nanos(line).is_none() { line.split_whitespace().collect() } else { words };
         let file =
             words.iter().position(|word| names.contains_key(*word) && (words.len() > 1 || nanos(word).is_none()));
+        let with_decimals = words.iter().enumerate().filter(|(at, word)| Some(*at) != file && nanos(word).is_some());
+        let decimals_of_line = with_decimals.filter_map(|(_, word)| word.split_once('.')).next();
+        decimals.extend(decimals_of_line.map(|(_, decimals)| (number, decimals.to_owned())));
         let stamp = stamp_of(&words, file, has_nanos).map_err(|rule| ImportError::at_line(path, number, rule))?;
         let Some(stamp) = stamp else {
             let is_header = !has_header && in_order.is_empty() && by_name.iter().all(Option::is_none);
@@ -191,6 +196,7 @@ fn read_table(path: &Path, files: &[(String, PathBuf)]) -> Result<Vec<i64>, Impo
             in_order.push(stamp);
         }
     }
+    check_decimals(decimals).map_err(|(number, rule)| ImportError::at_line(path, number, rule))?;
     if by_name.iter().any(Option::is_some) {
         let absent = by_name.iter().position(Option::is_none);
         if let Some(index) = absent.or((!in_order.is_empty()).then_some(0)) {

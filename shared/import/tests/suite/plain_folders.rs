@@ -128,6 +128,12 @@ fn implausible_stamps_are_refused() {
             "1583836591.1\n1583836591.2\n1583835991.3\n",
             "times.txt:3: stamp 1583835991300000000 ns is 599.900000 s before",
         ),
+        // 95 ms, 1.195 s and 2.295 s as ns without leading zeros.
+        (
+            "times.csv",
+            "0.pcd;1583836591.95000000\n1.pcd;1583836592.195000000\n2.pcd;1583836593.295000000\n",
+            "times.csv:1: the decimals \"95000000\" may be a number of ns",
+        ),
         ("times.txt", "1583836591.0001\n1583836591.0002\n1583836591.0003\n", "have a median interval of 100000 ns"),
     ] {
         let folder = folder();
@@ -141,6 +147,66 @@ fn implausible_stamps_are_refused() {
     let source = sweeps(&folder, &["1583836591.5000000", "1583836591.105000000", "1583836591.950000000"]);
     let found = error(&import_from(&source, &folder));
     assert!(found.contains("1583836591.5000000.pcd: the decimals \"5000000\" may be a number of ns"), "{found}");
+}
+
+#[test]
+fn tables_of_windows_programs_are_read_or_refused_at_their_place() {
+    let text = "1583836591.1\r\n1583836591.2\r\n";
+    let utf16 = |unit: fn(u16) -> [u8; 2]| format!("\u{feff}{text}").encode_utf16().flat_map(unit).collect::<Vec<u8>>();
+    let named = "\u{feff}\"name\";\"stamp\"\r\n\"0.pcd\";\"1583836591,1\"\r\n\"1.pcd\";\"1583836591,2\"\r\n\r\n";
+    for (file, bytes) in [
+        ("times.txt", format!("\u{feff}{text}").into_bytes()),
+        ("times.txt", utf16(u16::to_le_bytes)),
+        ("times.txt", utf16(u16::to_be_bytes)),
+        ("times.csv", named.to_owned().into_bytes()),
+        ("times.csv", "\u{feff}0.pcd,1583836591100000000\r\n1.pcd,1583836591200000000\r\n".to_owned().into_bytes()),
+    ] {
+        let folder = folder();
+        let source = sweeps(&folder, &["0", "1"]);
+        std::fs::write(source.join(file), &bytes).expect("writes");
+        let (_, drive) = imported(&import_from(&source, &folder));
+        let stamps: Vec<i64> = drive.sweep_stamps().iter().map(|stamp| stamp.0).collect();
+        assert_eq!(stamps, [1_583_836_591_100_000_000, 1_583_836_591_200_000_000], "{bytes:?}");
+    }
+    let folder = folder();
+    let source = sweeps(&folder, &["0", "1"]);
+    std::fs::write(source.join("times.txt"), b"1583836591.1\n\xe9\n").expect("writes");
+    let found = error(&import_from(&source, &folder));
+    assert!(found.contains("times.txt: byte 13 (line 2) is 0xe9, which is not UTF-8"), "{found}");
+}
+
+#[test]
+fn imu_tables_with_decimal_commas_are_read_or_refused_at_their_line() {
+    let header = "timestamp;ax;ay;az;wx;wy;wz";
+    let line = |number: i64| {
+        format!("{};0.112;-0.204;9.791;0.011;-0.021;0.033", 1_583_836_591_100_000_000 + number * 5_000_000)
+    };
+    let table = |number_of: fn(&str) -> String, separator: &str| -> String {
+        let lines = std::iter::once(header.to_owned()).chain((0..40).map(line));
+        lines.map(|line| number_of(&line).replace(';', separator) + "\n").collect()
+    };
+    let point = |line: &str| line.to_owned();
+    let comma = |line: &str| line.replace('.', ",");
+    let samples = |text: &str| {
+        let folder = folder();
+        let source = sweeps(&folder, &["1583836591.1", "1583836591.2"]);
+        write_file(&source.join("imu.csv"), text);
+        let import = import_from(&source, &folder);
+        if text.contains("0,112,") {
+            return Err(error(&import));
+        }
+        let (_, drive) = imported(&import);
+        let samples: Vec<_> =
+            drive.imu().expect("opens").expect("has one").map(|sample| sample.expect("is valid")).collect();
+        Ok(samples)
+    };
+    let expected = samples(&table(point, ",")).expect("reads");
+    assert_eq!((expected.len(), expected[0].acceleration), (40, [0.112, -0.204, 9.791]));
+    for text in [table(comma, ";"), table(comma, "\t"), table(point, ";"), format!("\u{feff}{}", table(comma, ";"))] {
+        assert_eq!(samples(&text).expect("reads"), expected, "{text}");
+    }
+    let found = samples(&table(comma, ",")).expect_err("is refused");
+    assert!(found.contains("imu.csv:2: ") && found.contains("has 13 cells, the first line names 7"), "{found}");
 }
 
 #[test]

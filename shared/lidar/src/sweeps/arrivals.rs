@@ -1,10 +1,10 @@
 //! Selects the packets of the sensor from all packets of the captures and puts them in order.
 
 use super::{PacketArrival, PacketPosition, SweepError, SweepReader};
-use crate::ClockReference;
 use crate::capture::Arrival;
 use crate::clock::Step;
 use crate::reorder::{Held, Place, n_lost};
+use crate::{Blocks, ClockReference};
 use std::net::SocketAddrV4;
 
 impl SweepReader {
@@ -113,7 +113,16 @@ impl SweepReader {
             }
             Step::Repeated { stamp } => stamp,
             Step::Forward { stamp, nanos } => {
-                lost = n_lost(&self.at.clock, nanos, packet_nanos) as u64;
+                let mut n_missing = n_lost(&self.at.clock, nanos, packet_nanos);
+                let turned =
+                    |blocks: &Blocks| (0..blocks.len()).find_map(|index| blocks.get(index)).map(|(_, turned)| turned);
+                if n_missing > 0
+                    && let Some(sector) = self.silent_sector
+                    && let Some((from, to)) = turned(&self.blocks).zip(turned(&self.decoder.blocks(&held.bytes)))
+                {
+                    n_missing = sector.n_lost(n_missing, nanos, packet_nanos, [from, to]);
+                }
+                lost = n_missing as u64;
                 stamp
             }
             Step::Jump { stamp } => {

@@ -338,6 +338,36 @@ fn stray_packets_before_the_sensor_do_not_decide() {
 }
 
 #[test]
+fn sector_that_is_set_to_fire_nothing_is_not_lost() {
+    let folder = tempfile::tempdir().expect("a folder");
+    // At 10 Hz, a packet turns by 2 degrees. Nothing is fired from 90 to 200 degrees, then from 300 to 60 degrees.
+    for silent in [90.0..200.0, 300.0..420.0_f64] {
+        let is_fired = |packet: &usize| {
+            let at = (*packet as f64 * 552_960e-9 * 10.0).fract() * 360.0;
+            !silent.contains(&at) && !silent.contains(&(at + 360.0))
+        };
+        let all = hdl32e_packets(3600);
+        // Lost packets: single ones elsewhere, and all of half a revolution.
+        let is_lost =
+            |packet: &usize| [1500, 2210].contains(packet) && is_fired(packet) || (2500..2590).contains(packet);
+        let n_lost = (0..all.len()).filter(|packet| is_fired(packet) && is_lost(packet)).count() as i64;
+        let kept = |lossy: bool| -> Vec<Sent> {
+            let kept = (0..all.len()).filter(|packet| is_fired(packet) && !(lossy && is_lost(packet)));
+            kept.map(|packet| all[packet].clone()).collect()
+        };
+        let stats = |lossy: bool| {
+            let path = write_capture(&folder.path().join("a.pcap"), &kept(lossy));
+            let mut reader = SweepReader::open(vec![path], None).expect("opens");
+            while reader.next_sweep(|_| {}).expect("reads").is_some() {}
+            reader.stats()
+        };
+        assert_eq!(stats(false).lost_packets, 0, "{silent:?}");
+        let found = stats(true).lost_packets as i64;
+        assert!((found - n_lost).abs() <= 6, "{silent:?}: {found} of {n_lost}");
+    }
+}
+
+#[test]
 fn packets_of_a_second_sensor_are_foreign() {
     let folder = tempfile::tempdir().expect("a folder");
     let packets = hdl32e_packets(N_PACKETS);
