@@ -120,6 +120,10 @@ impl Doubts {
         if stats.cut_captures > 0 {
             self.add(Doubt::CutCaptures { n_captures: stats.cut_captures });
         }
+        if stats.recorder_jumps > 0 {
+            let largest_s = stats.recorder_jump_ms as f64 / 1000.0;
+            self.add(Doubt::RecorderClock { n_jumps: stats.recorder_jumps, largest_s });
+        }
         if stats.source_changes > 0 {
             let silent_s = stats.source_silent_ms as f64 / 1000.0;
             self.add(Doubt::SourceChanged { n_changes: stats.source_changes, silent_s });

@@ -97,8 +97,7 @@ pub enum LiveError {
     },
     /// No packet has arrived.
     #[error(
-        "no packet in {seconds:.0} s at {addresses} (limit quiet_s = {limit}); check cable and power of the LiDAR, and that its destination \
-         address and port are those of this machine"
+        "no packet in {seconds:.0} s at {addresses} (limit quiet_s = {limit}); check cable and power of the LiDAR, and whether it sends to this address and port"
     )]
     Silent {
         /// Time since the start of the reception.

@@ -104,6 +104,13 @@ pub enum Doubt {
         /// Numbers of the epochs without position or height, by reason.
         reasons: String,
     },
+    /// [`DoubtKind::RecorderClock`].
+    RecorderClock {
+        /// Number of jumps.
+        n_jumps: u64,
+        /// The largest one.
+        largest_s: f64,
+    },
     /// [`DoubtKind::SourceChanged`].
     SourceChanged {
         /// Number of changes.
@@ -411,6 +418,7 @@ impl Doubt {
             Self::BadImuLines { .. } => DoubtKind::BadImuLines,
             Self::MissingSweeps { .. } => DoubtKind::MissingSweeps,
             Self::FewFixes { .. } => DoubtKind::FewFixes,
+            Self::RecorderClock { .. } => DoubtKind::RecorderClock,
             Self::SourceChanged { .. } => DoubtKind::SourceChanged,
             Self::SecondSource { .. } => DoubtKind::SecondSource,
             Self::TwoReceivers { .. } => DoubtKind::TwoReceivers,
@@ -485,6 +493,7 @@ impl Doubt {
             Self::ClocksSetBack { back_s, .. } => *back_s,
             Self::TwoReceivers { apart_m, .. } => *apart_m,
             Self::SourceChanged { silent_s, .. } => *silent_s,
+            Self::RecorderClock { largest_s, .. } => *largest_s,
             Self::MissingFiles { n_files, .. } => *n_files as f64,
             Self::ClockOffset { behind_s, .. } => behind_s.abs(),
             Self::SilentSensors { sensors } => sensors.len() as f64,

@@ -136,6 +136,8 @@ kinds! {
     MissingSweeps "missing_sweeps" Acquire Input Check "Check its network and clock."
     /// GNSS epochs without position and height.
     FewFixes "few_fixes" Acquire Input Check "Log GGA sentences with geoid separation, and RMC or ZDA."
+    /// Jumps of the recorder's clock while the clock of the LiDAR went on.
+    RecorderClock "recorder_clock" Acquire Input Check "Set the clock before recording."
     /// Silence of the LiDAR before it continued from another port.
     SourceChanged "source_changed" Acquire Input Check "Check power and cable of the LiDAR."
     /// Packets of a second sensor at the address of the LiDAR.

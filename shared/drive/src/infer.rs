@@ -124,7 +124,7 @@ pub(super) fn read(folder: &Path) -> Result<Read, FileError> {
 /// The drive that consists of one capture.
 pub(super) fn drive_from_capture(file: &Path) -> Result<Drive, FileError> {
     let problem = |rule: String| FileError::from(FileProblem::for_file(file, rule));
-    if let Some(compression) = Compression::of_capture(file) {
+    if let Some(compression) = Compression::find(file) {
         return Err(problem(compression.to_string()));
     }
     if !is_capture_name(file) && !has_capture_magic(file) {

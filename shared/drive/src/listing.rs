@@ -52,9 +52,9 @@ fn has_extension(path: &Path, extensions: &[&str]) -> bool {
 
 /// Captures in a folder, sorted by name. Hidden files are skipped. Fails if a capture is only there compressed.
 pub(super) fn captures(folder: &Path) -> io::Result<Vec<PathBuf>> {
-    let is_compressed = |path: &Path| Compression::of_capture(path).is_some();
+    let is_compressed = |path: &Path| Compression::find(path).is_some() && !path.with_extension("").exists();
     if let Some(path) = files_with_name(folder, is_compressed)?.first()
-        && let Some(compression) = Compression::of_capture(path)
+        && let Some(compression) = Compression::find(path)
     {
         return Err(io::Error::other(format!("{} {compression}", path.display())));
     }

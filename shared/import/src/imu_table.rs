@@ -26,7 +26,7 @@ pub(crate) fn read(path: &Path) -> Result<Vec<ImuSample>, ImportError> {
     let text = read_long_text(path).at(path)?;
     let mut lines = (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty());
     let first = lines.next().map(|(_, line)| line.trim_start_matches('#')).unwrap_or_default();
-    let separator = Separator::of_header(first);
+    let separator = Separator::from_header(first);
     let header = separator.words(first);
     let header: Vec<&str> = header.iter().map(AsRef::as_ref).collect();
     let columns = Columns::from_header(&header).ok_or_else(|| {
@@ -72,7 +72,7 @@ enum Separator {
 }
 
 impl Separator {
-    fn of_header(header: &str) -> Self {
+    fn from_header(header: &str) -> Self {
         match header {
             _ if header.contains([';', '\t']) => Self::SemicolonOrTab,
             _ if header.contains(',') => Self::Comma,

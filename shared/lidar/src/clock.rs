@@ -59,6 +59,8 @@ pub(super) enum Step {
     Forward { stamp: Stamp, nanos: i64 },
     /// It follows the previous packet, but the clock of the sensor jumped.
     Jump { stamp: Stamp },
+    /// It follows the previous packet by the clock of the sensor, but the clock of the capture jumped by `nanos`.
+    RecorderJump { stamp: Stamp, nanos: i64 },
     /// It was recorded after the previous packet, but both clocks show earlier times, the clock of the capture by `nanos`.
     SetBack { stamp: Stamp, nanos: i64 },
     /// It has the time of the previous packet.
@@ -89,7 +91,11 @@ impl Clock {
             (TimeBase::Sensor, None) => Step::Forward { stamp: first_stamp(nanos, self.epoch, captured), nanos: 0 },
             (TimeBase::Sensor, Some(last)) => last.step(nanos, self.epoch, captured),
         };
-        if let Step::Forward { stamp, .. } | Step::Jump { stamp } | Step::SetBack { stamp, .. } = step {
+        if let Step::Forward { stamp, .. }
+        | Step::Jump { stamp }
+        | Step::RecorderJump { stamp, .. }
+        | Step::SetBack { stamp, .. } = step
+        {
             self.last = Some(Reading { nanos, captured, stamp });
         }
         step
@@ -116,6 +122,9 @@ impl Reading {
             // A sensor whose clock went on counts, even if the clock of the capture was set back.
             _ if captured_delta < -TOLERANCE_NANOS && !(is_valid && (0..TOLERANCE_NANOS).contains(&delta)) => {
                 Step::SetBack { stamp: self.stamp.plus_nanos(1000), nanos: captured_delta.saturating_neg() }
+            }
+            1..TOLERANCE_NANOS if is_valid => {
+                Step::RecorderJump { stamp: self.stamp.plus_nanos(captured_delta.max(1000)), nanos: captured_delta }
             }
             _ => Step::Jump { stamp: self.stamp.plus_nanos(captured_delta.max(1000)) },
         }
@@ -200,7 +209,10 @@ mod tests {
         // Only the clock of the sensor, then only the clock of the capture.
         let stamp = at(1_800_000_553);
         assert_eq!(begun().step(1_200_000_553_000, at(1_800_000_553)), Step::Jump { stamp });
-        assert!(matches!(begun().step(1_800_000_553_000, at(1_200_000_000)), Step::Jump { .. }));
+        let jump = Step::RecorderJump { stamp: at(1_800_000_001), nanos: -600_000_000_000 };
+        assert_eq!(begun().step(1_800_000_553_000, at(1_200_000_000)), jump);
+        let jump = Step::RecorderJump { stamp: at(5_400_000_553), nanos: 3_600_000_553_000 };
+        assert_eq!(begun().step(1_800_000_553_000, at(5_400_000_553)), jump);
     }
 
     #[test]

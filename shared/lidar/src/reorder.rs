@@ -76,6 +76,6 @@ fn lead_nanos(mut clock: Clock, held: &Held) -> Option<i64> {
         Step::Forward { nanos, .. } => Some(nanos),
         Step::Repeated { .. } => Some(0),
         Step::Late => Some(-1),
-        Step::Jump { .. } | Step::SetBack { .. } => None,
+        Step::Jump { .. } | Step::RecorderJump { .. } | Step::SetBack { .. } => None,
     }
 }

@@ -40,6 +40,10 @@ pub struct LidarStats {
     pub clocks_set_back: u64,
     /// Sum of these steps by the clock of the capture, ms.
     pub set_back_ms: u64,
+    /// Jumps of the clock of the capture while the clock of the sensor went on.
+    pub recorder_jumps: u64,
+    /// The largest of these jumps, ms.
+    pub recorder_jump_ms: u64,
     /// Revolutions that ended because of a gap, a stopped motor or too many returns.
     pub forced_ends: u64,
     /// Captures that end inside a packet.
@@ -57,7 +61,7 @@ impl LidarStats {
     }
 
     /// All counters by name.
-    pub fn counts(&self) -> [(&'static str, u64); 18] {
+    pub fn counts(&self) -> [(&'static str, u64); 19] {
         [
             ("data_packets", self.data_packets),
             ("position_packets", self.position_packets),
@@ -72,6 +76,7 @@ impl LidarStats {
             ("second_source_packets", self.second_source_packets),
             ("bad_blocks", self.bad_blocks),
             ("clock_jumps", self.clock_jumps),
+            ("recorder_jumps", self.recorder_jumps),
             ("clocks_set_back", self.clocks_set_back),
             ("forced_ends", self.forced_ends),
             ("cut_captures", self.cut_captures),

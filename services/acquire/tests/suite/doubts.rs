@@ -165,6 +165,23 @@ fn clocks_that_step_back_together_are_a_doubt_with_the_seconds() {
 }
 
 #[test]
+fn clock_of_the_recorder_that_is_set_during_the_drive_is_a_doubt() {
+    for jump_s in [-5, 3600] {
+        let folder = drive();
+        let path = capture(folder.path());
+        let packets = data_packets(&path);
+        let mut writer = Writer::new(Vec::new()).expect("writes");
+        for (number, (stamp, payload)) in packets.iter().enumerate() {
+            let ahead_s = if number < packets.len() / 2 { 0 } else { jump_s };
+            writer.write_udp(stamp.plus_nanos(ahead_s * 1_000_000_000), 2368, payload).expect("writes");
+        }
+        fs::write(&path, writer.finish().expect("writes")).expect("writes");
+        let largest_s = at_end(folder.path()).doubt("recorder_clock").expect("is a doubt");
+        assert!((largest_s - f64::abs(jump_s as f64)).abs() < 0.1, "{largest_s}");
+    }
+}
+
+#[test]
 fn captures_with_numbers_against_their_times_are_refused_and_a_missing_one_is_a_doubt() {
     let folder = drive();
     let path = capture(folder.path());

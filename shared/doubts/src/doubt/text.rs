@@ -44,6 +44,11 @@ impl Display for Doubt {
                 percent(*share),
                 if reasons.is_empty() { "" } else { ": " }
             ),
+            Self::RecorderClock { n_jumps, largest_s } => write!(
+                f,
+                "the clock of the recorder jumped {n_jumps} times, by up to {largest_s:.1} s, while the clock of the LiDAR went on: stamps \
+                 before or after a jump are wrong, and other sensors may not match; set the clock before recording, or process each part as a drive"
+            ),
             Self::SourceChanged { n_changes, silent_s } => write!(
                 f,
                 "the LiDAR was silent for {silent_s:.1} s and continued from another port ({n_changes} times): this part of the drive is \

@@ -44,14 +44,14 @@ impl Compression {
         Self::ALL.into_iter().find(|kind| bytes.starts_with(kind.magic()))
     }
 
-    /// The compression of a capture: by its name, as `x.pcap.gz` or `x.pcap3.zst`, or by its first bytes if its name is that of a
-    /// capture. `None` for other files, and if the decompressed file is next to it.
-    pub fn of_capture(path: &Path) -> Option<Self> {
+    /// The compression of a capture: by its name, as `x.pcap.gz` or `x.pcap3.zst`, or by its first bytes if it is named as a
+    /// capture. `None` for other files.
+    pub fn find(path: &Path) -> Option<Self> {
         let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
         let by_name = Self::ALL.into_iter().find(|kind| kind.extension() == extension);
         let stem = path.with_extension("");
         if by_name.is_some() && is_capture_name(&stem) {
-            return by_name.filter(|_| !stem.exists());
+            return by_name;
         }
         let mut begin = [0; 4];
         let read = File::open(path).and_then(|mut file| file.read_exact(&mut begin));
@@ -92,11 +92,9 @@ mod tests {
             ("a.pcap12.bz2", Some(Compression::Bzip2)),
             ("b.pcap", Some(Compression::Zstandard)),
             ("c.pcap", None),
-            // The decompressed file is there.
-            ("c.pcap.gz", None),
             ("notes.gz", None),
         ] {
-            assert_eq!(Compression::of_capture(&at(name)), expected, "{name}");
+            assert_eq!(Compression::find(&at(name)), expected, "{name}");
         }
         assert!(Compression::Gzip.to_string().contains("`gunzip`"));
     }

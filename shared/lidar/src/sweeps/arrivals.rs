@@ -129,6 +129,12 @@ impl SweepReader {
                 stats.clock_jumps += 1;
                 stamp
             }
+            Step::RecorderJump { stamp, nanos } => {
+                stats.clock_jumps += 1;
+                stats.recorder_jumps += 1;
+                stats.recorder_jump_ms = stats.recorder_jump_ms.max(nanos.unsigned_abs() / 1_000_000);
+                stamp
+            }
             Step::SetBack { stamp, nanos } => {
                 stats.clock_jumps += 1;
                 stats.clocks_set_back += 1;

@@ -79,7 +79,7 @@ fn fixes_of_receivers_are_the_positions_and_times_of_gpsd() {
             );
             n_heights += usize::from(apart_m.is_some());
         }
-        // gpsd leaves out some epochs at the start and the end of logs or without GGA, and reports those of two simulators without time.
+        // gpsd leaves out some epochs at the start and the end of logs or without GGA, and reports the epochs of two simulators without time.
         let is_simulator = reports.by_time.is_empty();
         let n_more = fixes.len() - reports.by_time.len();
         assert!(n_more <= if is_simulator { 18 } else { 2 }, "{name}: {n_more} more fixes than gpsd");

@@ -94,7 +94,7 @@ pub fn is_drive(path: &Path) -> bool {
         extension.is_some_and(|extension| known.contains(&extension.as_str()))
     };
     if path.is_file() {
-        return is_capture_name(path) || has_capture_magic(path) || Compression::of_capture(path).is_some();
+        return is_capture_name(path) || has_capture_magic(path) || Compression::find(path).is_some();
     }
     if path.join(MANIFEST_FILE).is_file() {
         return true;
@@ -103,7 +103,7 @@ pub fn is_drive(path: &Path) -> bool {
     !path.join("clouds").is_dir()
         && !files().any(|file| has_extension(&file, &["ply"]))
         && (files().any(|file| {
-            is_capture_name(&file) || Compression::of_capture(&file).is_some() || has_extension(&file, &["pcd", "bin"])
+            is_capture_name(&file) || Compression::find(&file).is_some() || has_extension(&file, &["pcd", "bin"])
         }) || !drive::unnamed_captures(path).unwrap_or_default().is_empty())
 }
 

@@ -253,6 +253,26 @@ fn add_counters(source: &SweepSource, report: &mut DriveReport) {
     if stats.has_lost_data() {
         report.doubt(format!("lidar: data is lost in the decoded sweeps: {}", counts.join(", ")));
     }
+    if stats.recorder_jumps > 0 {
+        report.doubt(format!(
+            "clocks: the clock of the recorder jumps {} time(s), by up to {:.1} s, while the clock of the LiDAR goes on",
+            stats.recorder_jumps,
+            stats.recorder_jump_ms as f64 / 1000.0
+        ));
+    }
+    if stats.source_changes > 0 {
+        report.doubt(format!(
+            "lidar: silent for {:.1} s, then sent from another port, {} time(s)",
+            stats.source_silent_ms as f64 / 1000.0,
+            stats.source_changes
+        ));
+    }
+    if stats.second_source_packets > 0 {
+        let n = stats.second_source_packets;
+        report.doubt(format!(
+            "lidar: {n} data packets come from a second port of its address at the same time; not used"
+        ));
+    }
     let lines =
         if counts.is_empty() { Vec::new() } else { vec![format!("counters of packets: {}", counts.join(", "))] };
     report.section("LiDAR packets", lines);
