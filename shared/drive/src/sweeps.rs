@@ -109,7 +109,7 @@ impl SweepSource {
     pub fn resume(&mut self, position: SourcePosition) -> Result<bool, SweepError> {
         match (self, position) {
             (Self::Packets { reader, .. }, SourcePosition::Packets(position)) => {
-                reader.resume(*position).map(|()| true)
+                reader.resume(&position).map(|()| true)
             }
             (Self::Clouds(clouds), SourcePosition::Clouds { next, taken, n_bad })
                 if next as usize <= clouds.files.len() =>

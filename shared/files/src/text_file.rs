@@ -68,7 +68,7 @@ pub fn text_from_bytes(bytes: Vec<u8>) -> io::Result<String> {
             Ok(text) => Ok(text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text)),
             Err(error) => {
                 let at = error.utf8_error().valid_up_to();
-                let line = 1 + error.as_bytes()[..at].iter().filter(|byte| **byte == b'\n').count();
+                let line = error.as_bytes()[..at].split(|byte| *byte == b'\n').count();
                 let byte = error.as_bytes()[at];
                 Err(fault(format!(
                     "byte {at} (line {line}) is {byte:#04x}, which is not UTF-8; save the file as UTF-8"

@@ -1,6 +1,6 @@
 //! Packet captures: classic pcap (libpcap) and pcapng (IETF draft-ietf-opsawg-pcapng), limited to what sensors send.
 //!
-//! Read: both byte orders, microsecond and nanosecond stamps, UDP over IPv4 and IPv6 over Ethernet and Linux cooked (with VLAN tags and PPPoE), loopback
+//! Read: both byte orders, microsecond and nanosecond stamps, UDP over IPv4 and IPv6 over Ethernet and Linux cooked (with VLAN tags and `PPPoE`), loopback
 //! and raw IP, whole or in fragments. Other packets are counted as foreign. Senders of IPv6 get addresses of 240.0.0.0/4.
 //! Written: classic pcap, microseconds, little-endian, with the headers of a sensor broadcast. A capture can be read while it is
 //! being written, see [`Recorder`].

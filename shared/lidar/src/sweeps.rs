@@ -220,7 +220,7 @@ impl SweepReader {
     }
 
     /// Continues at a position that [`SweepReader::position`] returned for the same captures.
-    pub fn resume(&mut self, position: SweepPosition) -> Result<(), SweepError> {
+    pub fn resume(&mut self, position: &SweepPosition) -> Result<(), SweepError> {
         self.at = position.clone();
         self.revolution = None;
         self.slice = None;

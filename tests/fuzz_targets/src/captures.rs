@@ -24,7 +24,7 @@ pub(crate) fn capture(bytes: &[u8]) {
             n_sweeps += 1;
             if n_sweeps == 1 {
                 let position = reader.position();
-                assert!(reader.resume(position).is_ok(), "a reader can resume where it stands");
+                assert!(reader.resume(&position).is_ok(), "a reader can resume where it stands");
             }
         }
         assert!(n_sweeps <= bytes.len() / 100, "{n_sweeps} sweeps");

@@ -43,10 +43,14 @@ pub(super) fn stamped(source: &Path, files: Vec<(String, PathBuf)>) -> Result<St
     }
     let place = table.as_deref().unwrap_or(source);
     if table.is_none() {
-        let decimals =
-            |name: &str| stem(name).rsplit('_').next()?.split_once('.').map(|(_, decimals)| decimals.to_owned());
-        let all = both.iter().filter_map(|(_, (name, path))| Some((path.as_path(), decimals(name)?)));
-        check_decimals(all.collect()).map_err(|(path, rule)| ImportError::at(path, rule))?;
+        let decimals = |(_, (name, path)): &(i64, (String, PathBuf))| {
+            let (_, digits) = stem(name).rsplit('_').next()?.split_once('.')?;
+            Some(Decimals { place: path.clone(), digits: digits.to_owned() })
+        };
+        let all: Vec<_> = both.iter().filter_map(decimals).collect();
+        if let Some(found) = unpadded(&all) {
+            return Err(ImportError::at(&found.place, found.rule()));
+        }
     }
     let (times, files): (Vec<i64>, Vec<_>) = both.into_iter().unzip();
     check_intervals(place, &times)?;
@@ -72,24 +76,31 @@ fn check_intervals(place: &Path, times: &[i64]) -> Result<(), ImportError> {
     }
 }
 
-/// Fails if stamps such as `1700000000.5000000` may contain seconds and ns without leading zeros instead of decimals: the
-/// decimals have different lengths, none begins with a zero, and some end with one. Returns the place of the first one and the rule.
-fn check_decimals<P: Copy>(all: Vec<(P, String)>) -> Result<(), (P, String)> {
-    let lengths = |(_, decimals): &(P, String)| decimals.len();
-    let (shortest, longest) = (all.iter().map(lengths).min(), all.iter().map(lengths).max());
-    let is_cut =
-        |(_, decimals): &&(P, String)| Some(decimals.len()) < longest && decimals.len() > 1 && decimals.ends_with('0');
-    let has_leading = all.iter().any(|(_, decimals)| decimals.len() > 1 && decimals.starts_with('0'));
-    match all.iter().find(is_cut) {
-        Some((place, decimals)) if shortest != longest && !has_leading => Err((
-            *place,
-            format!(
-                "the decimals {decimals:?} may be a number of ns without leading zeros: other stamps have up to {} digits. Write all \
-                 stamps with 9 decimals",
-                longest.unwrap_or_default()
-            ),
-        )),
-        _ => Ok(()),
+/// Decimals of a stamp, and where it stands.
+struct Decimals<P> {
+    place: P,
+    digits: String,
+}
+
+/// Stamps such as `1700000000.5000000` may contain seconds and ns without leading zeros instead of decimals: the decimals have
+/// different lengths, none begins with a zero, and some end with one. The first of these.
+fn unpadded<P>(all: &[Decimals<P>]) -> Option<&Decimals<P>> {
+    let lengths = || all.iter().map(|decimals| decimals.digits.len());
+    let longest = lengths().max()?;
+    let has_leading = all.iter().any(|decimals| decimals.digits.len() > 1 && decimals.digits.starts_with('0'));
+    if lengths().min() == Some(longest) || has_leading {
+        return None;
+    }
+    all.iter().find(|Decimals { digits, .. }| (2..longest).contains(&digits.len()) && digits.ends_with('0'))
+}
+
+impl<P> Decimals<P> {
+    fn rule(&self) -> String {
+        let digits = &self.digits;
+        format!(
+            "the decimals {digits:?} may be a number of ns without leading zeros: other stamps have more digits. Write all stamps with 9 \
+             decimals"
+        )
     }
 }
 
@@ -155,7 +166,7 @@ fn read_table(path: &Path, files: &[(String, PathBuf)]) -> Result<Vec<i64>, Impo
     let mut in_order: Vec<i64> = Vec::new();
     let mut has_header = false;
     let mut has_nanos = false;
-    let mut decimals: Vec<(usize, String)> = Vec::new();
+    let mut decimals: Vec<Decimals<usize>> = Vec::new();
     for (number, line) in (1..).zip(text.lines().map(str::trim)) {
         if line.is_empty() || line.starts_with('#') {
             has_nanos |= names_nanos(line);
@@ -168,9 +179,10 @@ fn read_table(path: &Path, files: &[(String, PathBuf)]) -> Result<Vec<i64>, Impo
         let words = if words.len() == 1 && nanos(line).is_none() { line.split_whitespace().collect() } else { words };
         let file =
             words.iter().position(|word| names.contains_key(*word) && (words.len() > 1 || nanos(word).is_none()));
-        let with_decimals = words.iter().enumerate().filter(|(at, word)| Some(*at) != file && nanos(word).is_some());
-        let decimals_of_line = with_decimals.filter_map(|(_, word)| word.split_once('.')).next();
-        decimals.extend(decimals_of_line.map(|(_, decimals)| (number, decimals.to_owned())));
+        let mut with_decimals =
+            words.iter().enumerate().filter(|(at, word)| Some(*at) != file && nanos(word).is_some());
+        let of_line = with_decimals.find_map(|(_, word)| word.split_once('.'));
+        decimals.extend(of_line.map(|(_, digits)| Decimals { place: number, digits: digits.to_owned() }));
         let stamp = stamp_of(&words, file, has_nanos).map_err(|rule| ImportError::at_line(path, number, rule))?;
         let Some(stamp) = stamp else {
             let is_header = !has_header && in_order.is_empty() && by_name.iter().all(Option::is_none);
@@ -196,7 +208,9 @@ fn read_table(path: &Path, files: &[(String, PathBuf)]) -> Result<Vec<i64>, Impo
             in_order.push(stamp);
         }
     }
-    check_decimals(decimals).map_err(|(number, rule)| ImportError::at_line(path, number, rule))?;
+    if let Some(found) = unpadded(&decimals) {
+        return Err(ImportError::at_line(path, found.place, found.rule()));
+    }
     if by_name.iter().any(Option::is_some) {
         let absent = by_name.iter().position(Option::is_none);
         if let Some(index) = absent.or((!in_order.is_empty()).then_some(0)) {

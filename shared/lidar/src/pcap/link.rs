@@ -135,7 +135,7 @@ fn ip_packet(link: u32, frame: &[u8]) -> Option<&[u8]> {
 /// Content of a frame.
 enum Content<'a> {
     Ip(&'a [u8]),
-    /// Another protocol, by its EtherType.
+    /// Another protocol, by its `EtherType`.
     Other(u16),
     /// The link type is not read.
     UnknownLink,
@@ -159,15 +159,15 @@ fn content(link: u32, frame: &[u8]) -> Option<Content<'_>> {
     }
 }
 
-/// The content of a frame with its EtherType at `type_at`, behind VLAN tags (802.1Q, 802.1ad and their predecessors) and PPPoE. A tag
-/// has its number and the next EtherType.
+/// The content of a frame with its `EtherType` at `type_at`, behind VLAN tags (802.1Q, 802.1ad and their predecessors) and `PPPoE`. A tag
+/// has its number and the next `EtherType`.
 fn behind_tags(frame: &[u8], type_at: usize, mut at: usize) -> Option<Content<'_>> {
     let mut kind = u16_at(frame, type_at)?;
     while matches!(kind, 0x8100 | 0x88a8 | 0x9100 | 0x9200) {
         kind = u16_at(frame, at + 2)?;
         at += 4;
     }
-    // A session of PPPoE: six bytes of header, then the protocol of PPP.
+    // A session of `PPPoE`: six bytes of header, then the protocol of PPP.
     if kind == 0x8864 && matches!(u16_at(frame, at + 6)?, 0x0021 | 0x0057) {
         return frame.get(at + 8..).map(Content::Ip);
     }
@@ -236,7 +236,7 @@ mod tests {
         found.source
     }
 
-    /// A frame with these EtherTypes behind each other, the last one of the content.
+    /// A frame with these types behind each other, the last one of the content.
     fn tagged(types: &[u16], content: &[u8], link: u32) -> Vec<u8> {
         let tags = types[1..].iter().flat_map(|next| [[0, 5], next.to_be_bytes()]).flatten();
         let first = types[0].to_be_bytes();

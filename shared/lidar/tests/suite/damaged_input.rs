@@ -51,7 +51,7 @@ fn pcapng_reads_equal_to_pcap() {
     let rest = support::sweeps(&mut classic);
     assert_eq!(support::sweeps(&mut reader), rest);
     let mut resumed = support::open(&ng);
-    resumed.resume(position).expect("is there");
+    resumed.resume(&position).expect("is there");
     assert_eq!(support::sweeps(&mut resumed), rest);
 }
 

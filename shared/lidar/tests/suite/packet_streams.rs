@@ -137,14 +137,14 @@ fn reading_resumed_between_any_two_sweeps_gives_the_same_sweeps() {
     let reference = sweeps(&mut SweepReader::open(files.to_vec(), None).expect("opens"));
     for (k, position) in positions.iter().enumerate() {
         let mut resumed = SweepReader::open(files.to_vec(), Some(&Model::Hdl32e.into())).expect("opens");
-        resumed.resume(position.clone()).expect("is there");
+        resumed.resume(position).expect("is there");
         assert_eq!(sweeps(&mut resumed), reference[k..], "from sweep {k}");
         assert_eq!(resumed.stats(), reader.stats());
     }
     // A saved position in files that became shorter.
     write_capture(&files[1], &packets[250..260]);
     let mut resumed = SweepReader::open(files.to_vec(), None).expect("opens");
-    assert!(matches!(resumed.resume(positions[3].clone()), Err(SweepError::Position { .. })));
+    assert!(matches!(resumed.resume(&positions[3]), Err(SweepError::Position { .. })));
 }
 
 #[test]
@@ -204,7 +204,7 @@ fn resumed_sweeps(path: &std::path::Path) -> Vec<(SweepInfo, Vec<SweepPoint>)> {
     loop {
         let mut reader = open(path);
         if let Some(position) = position {
-            reader.resume(position).expect("is there");
+            reader.resume(&position).expect("is there");
         }
         let mut returns = Vec::new();
         match reader.next_sweep(|piece| returns.extend_from_slice(piece)).expect("reads") {
