@@ -10,6 +10,7 @@ use crate::manifest::{GnssEntry, ImuEntry, MANIFEST_VERSION, Manifest, TruthEntr
 use files::problems::FileError;
 use files::toml_file::TomlFile;
 use formats::sensor_calibration::SensorCalibration;
+use lidar::nmea;
 use messages::Message;
 use std::path::{Component, Path, PathBuf};
 
@@ -140,6 +141,10 @@ impl Check<'_> {
         });
         rules::position(&mut self.file, "gnss.antenna_in_body", &entry.antenna_in_body);
         rules::delay(&mut self.file, "gnss.delay_nanos", entry.delay_nanos);
+        let is_height = entry.geoid_m.is_none_or(|geoid_m| geoid_m.abs() <= nmea::MAX_GEOID_M);
+        self.file.rule("gnss.geoid_m", is_height, || {
+            format!("value {:?} must be a height of the geoid above the ellipsoid, -200 to 200 m", entry.geoid_m)
+        });
         self.file("gnss.file", &entry.file);
     }
 

@@ -168,7 +168,8 @@ impl Drive {
     pub fn fixes(&self) -> io::Result<(Vec<Fix>, LogStats)> {
         match &self.manifest.gnss {
             Some(entry) => {
-                let (mut fixes, stats) = nmea::fixes(&fs::read(self.folder.join(&entry.file))?);
+                let (mut fixes, stats) =
+                    nmea::fixes_above_geoid(&fs::read(self.folder.join(&entry.file))?, entry.geoid_m);
                 for fix in &mut fixes {
                     fix.stamp = fix.stamp.plus_nanos(entry.delay_nanos.saturating_neg());
                 }

@@ -131,6 +131,9 @@ pub struct GnssEntry {
     pub delay_nanos: i64,
     /// Position of the antenna in the body frame, m.
     pub antenna_in_body: [f64; 3],
+    /// Height of the geoid above the ellipsoid, m, for GGA sentences without it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub geoid_m: Option<f64>,
 }
 
 /// IMU samples: CSV with the header `stamp,ax,ay,az,wx,wy,wz` (ns, m/s^2, rad/s).

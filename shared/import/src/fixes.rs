@@ -26,7 +26,8 @@ pub(crate) fn add<'a>(plan: &mut Plan, fixes: impl IntoIterator<Item = &'a Fix>,
     }
     let file = "gnss.nmea";
     plan.texts.push(TextFile { place: file.into(), text });
-    plan.manifest.gnss = Some(GnssEntry { delay_nanos: 0, file: file.to_owned(), origin, antenna_in_body: [0.0; 3] });
+    plan.manifest.gnss =
+        Some(GnssEntry { delay_nanos: 0, file: file.to_owned(), origin, antenna_in_body: [0.0; 3], geoid_m: None });
 }
 
 /// Checks that a fix can be a line of the log.

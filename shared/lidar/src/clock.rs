@@ -124,7 +124,11 @@ impl Reading {
                 Step::SetBack { stamp: self.stamp.plus_nanos(1000), nanos: captured_delta.saturating_neg() }
             }
             1..TOLERANCE_NANOS if is_valid => {
-                Step::RecorderJump { stamp: self.stamp.plus_nanos(captured_delta.max(1000)), nanos: captured_delta }
+                // A clock that was set, of a sensor that sends the date, is right.
+                let is_set =
+                    epoch == Epoch::Unix && self.stamp.0.saturating_sub(self.nanos).saturating_abs() < UNSET_NANOS;
+                let stamp = self.stamp.plus_nanos(if is_set { delta } else { captured_delta.max(1000) });
+                Step::RecorderJump { stamp, nanos: captured_delta }
             }
             _ => Step::Jump { stamp: self.stamp.plus_nanos(captured_delta.max(1000)) },
         }
@@ -213,6 +217,20 @@ mod tests {
         assert_eq!(begun().step(1_800_000_553_000, at(1_200_000_000)), jump);
         let jump = Step::RecorderJump { stamp: at(5_400_000_553), nanos: 3_600_000_553_000 };
         assert_eq!(begun().step(1_800_000_553_000, at(5_400_000_553)), jump);
+    }
+
+    #[test]
+    fn clock_of_the_recorder_that_jumps_does_not_move_a_sensor_that_sends_the_date() {
+        for jump_nanos in [-5_000_000_000, 7_000_000_000] {
+            let mut clock = Clock::new(TimeBase::Sensor, Epoch::Unix, 0);
+            clock.step(HOUR.0, HOUR);
+            let stamp = HOUR.plus_nanos(600_000);
+            let step = clock.step(stamp.0, stamp.plus_nanos(jump_nanos));
+            assert_eq!(step, Step::RecorderJump { stamp, nanos: 600_000 + jump_nanos });
+            let stamp = HOUR.plus_nanos(1_200_000);
+            let step = clock.step(stamp.0, stamp.plus_nanos(jump_nanos));
+            assert_eq!(step, Step::Forward { stamp, nanos: 600_000 });
+        }
     }
 
     #[test]

@@ -17,11 +17,14 @@ mod sentence;
 pub use encode::{gga_from_fix, gga_without_fix, restamped, rmc_from_fix, rmc_without_fix};
 pub use joiner::FixJoiner;
 pub use line::{parse, sentence};
-pub use log::{Fix, LogStats, fixes};
+pub use log::{Fix, LogStats, fixes, fixes_above_geoid};
 pub use sentence::{Gga, NmeaError, Rmc, Sentence, Zda};
 
 /// A knot in m/s.
 const KNOT_MPS: f64 = 1852.0 / 3600.0;
+
+/// Largest height of the geoid above or below the ellipsoid, with a margin, m.
+pub const MAX_GEOID_M: f64 = 200.0;
 
 /// Whether a position is 0 0, which receivers without a position report. The place is in the sea, within a metre.
 pub fn is_null_island(position_deg: [f64; 2]) -> bool {

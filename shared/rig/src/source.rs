@@ -196,7 +196,13 @@ impl RigParts {
             body_from_imu: Some(PoseEntry::from(pose)),
         });
         if let (Some(antenna_in_body), Some(origin)) = (self.antenna_in_body, origin) {
-            manifest.gnss = Some(GnssEntry { delay_nanos: 0, file: "gnss.nmea".to_owned(), origin, antenna_in_body });
+            manifest.gnss = Some(GnssEntry {
+                delay_nanos: 0,
+                file: "gnss.nmea".to_owned(),
+                origin,
+                antenna_in_body,
+                geoid_m: None,
+            });
         }
         Ok(manifest)
     }

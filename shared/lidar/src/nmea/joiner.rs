@@ -19,6 +19,8 @@ pub struct FixJoiner {
     /// Time and position of the last fix.
     last: Option<Stamp>,
     last_position_deg: Option<[f64; 2]>,
+    /// Height of the geoid for sentences without it.
+    geoid_m: Option<f64>,
     n_lines: u64,
     stats: LogStats,
 }
@@ -30,6 +32,12 @@ impl FixJoiner {
     /// A joiner that dates times of day near `reference` until the first date.
     pub(super) fn near(reference: Stamp) -> Self {
         Self { reference: Some(reference), ..Self::default() }
+    }
+
+    /// Returns the joiner for a receiver whose sentences state no height of the geoid above the ellipsoid.
+    #[must_use]
+    pub fn above_geoid(self, geoid_m: Option<f64>) -> Self {
+        Self { geoid_m, ..self }
     }
 
     /// Reads the next line. Returns the fix completed by it: of the same epoch or of the previous one.
@@ -187,11 +195,13 @@ impl FixJoiner {
         }
         self.last = Some(stamp);
         self.last_position_deg = Some(position_deg);
-        self.stats.without_geoid += u64::from(gga.is_some_and(|gga| gga.height_m.is_some() && gga.geoid_m.is_none()));
+        let height_m = gga.and_then(|gga| gga.height_m);
+        let geoid_m = gga.and_then(|gga| gga.geoid_m).or(self.geoid_m);
+        self.stats.without_geoid += u64::from(height_m.is_some() && geoid_m.is_none());
         Some(Fix {
             stamp,
             position_deg,
-            altitude_m: gga.and_then(|gga| Some(gga.height_m? + gga.geoid_m?)),
+            altitude_m: height_m.zip(geoid_m).map(|(height_m, geoid_m)| height_m + geoid_m),
             speed_mps: rmc.and_then(|rmc| rmc.speed_mps),
             course_deg: rmc.and_then(|rmc| rmc.course_deg),
             hdop: gga.and_then(|gga| gga.hdop),

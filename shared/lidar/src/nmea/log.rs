@@ -72,7 +72,7 @@ impl LogStats {
             (self.null_islands, "at 0 0"),
             (self.undated, "before the first RMC or ZDA sentence with a date"),
             (self.out_of_order, "not after the previous fix"),
-            (self.without_geoid, "without geoid separation, so without height above the ellipsoid"),
+            (self.without_geoid, "without geoid separation (set gnss.geoid_m in drive.toml)"),
         ];
         let found = counts.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{n} {what}"));
         found.collect::<Vec<_>>().join(", ")
@@ -81,8 +81,14 @@ impl LogStats {
 
 /// All fixes of a log, sorted by time. Fixes before the first date have the date that makes them the nearest.
 pub fn fixes(log: &[u8]) -> (Vec<Fix>, LogStats) {
+    fixes_above_geoid(log, None)
+}
+
+/// All fixes of a log, as [`fixes`]. `geoid_m`: height of the geoid above the ellipsoid for sentences without it.
+pub fn fixes_above_geoid(log: &[u8], geoid_m: Option<f64>) -> (Vec<Fix>, LogStats) {
     let log = decoded(log);
-    let mut joiner = first_date(&log).map_or_else(FixJoiner::default, FixJoiner::near);
+    let joiner = first_date(&log).map_or_else(FixJoiner::default, FixJoiner::near);
+    let mut joiner = joiner.above_geoid(geoid_m);
     let mut fixes: Vec<Fix> = lines(&log).filter_map(|line| joiner.take_line(line.text, line.number)).collect();
     fixes.extend(joiner.finish());
     (fixes, joiner.stats())
@@ -245,7 +251,12 @@ mod tests {
     fn fixes_without_geoid_separation_have_no_height_and_are_counted() {
         let gga = gga_from_fix(&fix(1), 0.0).replace(",0.0,M,,", ",,,,");
         let gga = gga.rsplit_once('*').expect("is sealed").0.to_owned();
-        let (back, stats) = fixes(&log([gga, rmc_from_fix(&fix(1))].into_iter()));
+        let text = log([gga, rmc_from_fix(&fix(1))].into_iter());
+        let (back, stats) = fixes(&text);
         assert_eq!((back.len(), back[0].altitude_m, stats.without_geoid), (1, None, 1));
+        assert!(stats.left_out().contains("1 without geoid separation (set gnss.geoid_m"), "{}", stats.left_out());
+        let height_m = 104.25 + 1.0;
+        let (back, stats) = fixes_above_geoid(&text, Some(44.0));
+        assert_eq!((back[0].altitude_m, stats.without_geoid), (Some(height_m + 44.0), 0));
     }
 }

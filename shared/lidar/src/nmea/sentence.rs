@@ -1,7 +1,7 @@
 //! Parser of one sentence, from `$` or `!` to its checksum.
 
 use super::fields::Fields;
-use super::{KNOT_MPS, checksum};
+use super::{KNOT_MPS, MAX_GEOID_M, checksum};
 use files::calendar::DAY_NANOS;
 use geometry::Stamp;
 use serde::{Deserialize, Serialize};
@@ -155,7 +155,7 @@ fn gga(fields: &Fields<'_>) -> Result<Gga, NmeaError> {
         satellites: fields.count(7)?.unwrap_or_default(),
         hdop: fields.number(8, 0.0, 1000.0)?,
         height_m: fields.number(9, MIN_HEIGHT_M, MAX_HEIGHT_M)?,
-        geoid_m: fields.number(11, -200.0, 200.0)?,
+        geoid_m: fields.number(11, -MAX_GEOID_M, MAX_GEOID_M)?,
     })
 }
 

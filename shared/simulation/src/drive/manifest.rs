@@ -20,6 +20,7 @@ pub fn manifest(spec: &DriveSpec) -> Manifest {
         file: GNSS_FILE.into(),
         origin: [ORIGIN.latitude_deg, ORIGIN.longitude_deg, ORIGIN.altitude_m],
         antenna_in_body: gnss.antenna_in_body,
+        geoid_m: None,
     });
     let name = format!("simulated {} drive, seed {}, {} s", spec.town, spec.seed, spec.seconds);
     let lidar = LidarEntry {

@@ -132,6 +132,7 @@ fn manifest() -> Manifest {
             file: "gnss.nmea".into(),
             origin: [48.8, 2.3, 100.0],
             antenna_in_body: [0.0; 3],
+            geoid_m: None,
         }),
         imu: Some(ImuEntry { delay_nanos: 0, file: "imu.csv".into(), position_in_body: [0.0; 3], body_from_imu: None }),
         ..Manifest::with_lidar("made by hand", lidar)

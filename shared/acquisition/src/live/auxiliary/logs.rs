@@ -4,6 +4,7 @@ use crate::error::LiveError;
 use crate::live::clocks::Clocks;
 use crate::live::lines::{Line, LineLog};
 use drive::imu::{ImuError, ImuParser, ImuSample};
+use drive::manifest::GnssEntry;
 use lidar::nmea::{self, Fix, FixJoiner, LogStats, Sentence};
 use messages::ImuRow;
 use std::collections::VecDeque;
@@ -41,8 +42,9 @@ pub(super) struct TakenFixes {
 }
 
 impl FixLog {
-    pub(super) fn new(path: PathBuf, log: LineLog, delay_nanos: i64) -> Self {
-        let joiner = FixJoiner::default();
+    pub(super) fn new(path: PathBuf, log: LineLog, entry: Option<&GnssEntry>) -> Self {
+        let joiner = FixJoiner::default().above_geoid(entry.and_then(|entry| entry.geoid_m));
+        let delay_nanos = entry.map_or(0, |entry| entry.delay_nanos);
         let waiting = VecDeque::new();
         Self { path, log, joiner, delay_nanos, waiting, is_closed: false, n_left_out: 0, n_interruptions: 0 }
     }

@@ -153,7 +153,7 @@ impl AuxiliarySources {
         let Some(address) = &self.gnss else { return Ok(None) };
         let path = recording.join(GNSS_FILE);
         let log = start_log("gnss", address, &path)?;
-        Ok(Some(FixLog::new(path, log, entry.map_or(0, |entry| entry.delay_nanos))))
+        Ok(Some(FixLog::new(path, log, entry)))
     }
 
     pub(super) fn start_samples(

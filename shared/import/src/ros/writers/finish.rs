@@ -171,8 +171,13 @@ impl Writers<'_> {
                 Ok((origin, body_from_antenna)) => {
                     parts.report.extend(gnss_report(&topics[topic].name, role, &counts));
                     let antenna_in_body = body_from_antenna.translation.vector.into();
-                    parts.manifest.gnss =
-                        Some(GnssEntry { delay_nanos: 0, file: gnss::FILE.into(), origin, antenna_in_body });
+                    parts.manifest.gnss = Some(GnssEntry {
+                        delay_nanos: 0,
+                        file: gnss::FILE.into(),
+                        origin,
+                        antenna_in_body,
+                        geoid_m: None,
+                    });
                 }
                 Err(reason) => {
                     fs::remove_file(&path).at(&path)?;

@@ -111,7 +111,11 @@ fn quality(fixes: &[Fix], log: &LogStats, report: &mut DriveReport) -> Vec<Strin
     if without_height > 0 {
         lines.push(format!("fixes without height: {without_height}"));
         if without_height * 2 > fixes.len() {
-            let fields = if log.without_geoid > 0 { " with geoid separation (field 11)" } else { "" };
+            let fields = if log.without_geoid > 0 {
+                " with geoid separation (field 11), or set gnss.geoid_m in drive.toml"
+            } else {
+                ""
+            };
             let n = fixes.len();
             report.doubt(format!("gnss: {without_height} of {n} fixes have no height: log GGA sentences{fields}"));
         }
