@@ -94,3 +94,19 @@ pub(crate) fn fix_lines(stamp: i64, message: &NavSatFix) -> Result<([String; 2],
     };
     Ok(([gga_from_fix(&fix, 0.0), rmc_from_fix(&fix)], true))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ros::messages::Header;
+
+    #[test]
+    fn fix_at_null_island_is_an_epoch_without_position() {
+        let header = || Header { stamp: 0, frame: String::new() };
+        let message = |position_deg| NavSatFix { header: header(), status: 0, position_deg, altitude_m: 0.0 };
+        let has_position =
+            |position_deg| fix_lines(1_700_000_000_000_000_000, &message(position_deg)).expect("is valid").1;
+        assert!(!has_position([0.0, 0.0]));
+        assert!(has_position([0.0, 10.44]) && has_position([48.85, 0.0]));
+    }
+}
