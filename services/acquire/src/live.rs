@@ -189,5 +189,10 @@ fn plan<'a>(settings: &'a Settings, context: &'a Context) -> LivePlan<'a> {
 }
 
 fn step_error(error: LiveError) -> StepError {
-    if error.is_of_files() { StepError::io(error) } else { StepError::data(error) }
+    match error {
+        // A restart does not help: the sensor is off, or sends elsewhere.
+        LiveError::Silent { .. } => StepError::configuration(error),
+        _ if error.is_of_files() => StepError::io(error),
+        _ => StepError::data(error),
+    }
 }

@@ -8,7 +8,7 @@ use lidar::pcap::PacketReader;
 use lidar::velodyne::{DATA_PACKET_BYTES, POSITION_PACKET_BYTES, PulseStatus, encode_position_packet};
 use messages::{GnssTopic, SweepTopic, pod};
 use stage::testing::{Bench, context};
-use stage::{Context, Flow, Mode, Received, Stage};
+use stage::{Context, Flow, Mode, Received, Stage, StepError};
 use std::fs;
 use std::net::{SocketAddr, UdpSocket};
 use std::path::{Path, PathBuf};
@@ -290,9 +290,12 @@ fn run_that_never_receives_a_packet_fails_with_the_address() {
         assert!(Instant::now() < deadline, "the run does not fail");
         match bench.tick() {
             Ok(flow) => assert_eq!(flow, Flow::Continue),
-            Err(error) => break error.to_string(),
+            Err(error) => break error,
         }
     };
+    // The process is not restarted.
+    assert!(matches!(error, StepError::Configuration(_)), "{error:?}");
+    let error = error.to_string();
     assert!(error.contains(&settings.listen) && error.contains("no packet in"), "{error}");
 }
 

@@ -12,6 +12,9 @@ use lidar::pcap::Recorder;
 use std::path::{Component, Path, PathBuf};
 use std::{fs, io};
 
+/// Size of the header of a capture.
+const CAPTURE_HEADER_BYTES: u64 = 24;
+
 /// Folder of the captures of the first LiDAR in the recording, as in [`LidarEntry::from_captures`].
 pub(crate) const LIDAR: &str = "lidar";
 /// Largest number of captures. Names have three digits, so that they sort by number.
@@ -83,6 +86,12 @@ impl Recording {
     /// Whether an earlier process of the run started it.
     pub(crate) fn is_continued(&self) -> bool {
         self.captures.len() > 1
+    }
+
+    /// Whether earlier processes of the run received packets: their captures have more than a header.
+    pub(crate) fn has_earlier_packets(&self) -> bool {
+        let earlier = self.captures.iter().rev().skip(1);
+        earlier.into_iter().any(|path| path.metadata().is_ok_and(|metadata| metadata.len() > CAPTURE_HEADER_BYTES))
     }
 
     /// Writes the manifest and the calibration of the unit if they are absent, so that the recording is a drive.

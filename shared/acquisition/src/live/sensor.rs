@@ -132,7 +132,7 @@ impl LiveSensor {
         let seconds = self.receiver.silent_s();
         if limit > 0.0 && seconds >= limit && !self.receiver.frontier().is_closed() {
             // After a restart of the process, the sensor may have ended in the meantime.
-            if self.receiver.n_packets() == 0 && !self.recording.is_continued() {
+            if self.receiver.n_packets() == 0 && !self.recording.has_earlier_packets() {
                 return Err(LiveError::Silent { seconds, limit, addresses: self.receiver.addresses() });
             }
             self.receiver.close();
