@@ -26,6 +26,7 @@ use crate::identity::{Files, UnreadableFile};
 use crate::plan::{Plan, PlannedStage};
 use crate::swap_record::SwapRecord;
 use files::atomic_file::write_atomic;
+use files::regular_file;
 use ipc::{Domain, IpcError};
 use run::assignment::{Assignment, Restart};
 use run::summary::{REPORT_FILES, Summary};
@@ -195,7 +196,7 @@ impl RunFolder {
     /// Checks that `plan` is the plan of the run that was started here: another plan would give different results.
     pub fn refuse_other_plan(&self, plan: &Plan, files: &Files) -> Result<(), RunFolderError> {
         let begun: Begun = self.read_json(SETTINGS)?;
-        let same_file = std::fs::read(&plan.launch_file).ok() == std::fs::read(self.launch_copy()).ok();
+        let same_file = regular_file::read(&plan.launch_file).ok() == regular_file::read(self.launch_copy()).ok();
         if !same_file || begun.settings != settings(plan) {
             return Err(RunFolderError::OtherSettings { output: self.output.clone() });
         }
@@ -317,7 +318,7 @@ pub fn canonical(path: &Path) -> Result<PathBuf, RunFolderError> {
 }
 
 fn read(file: &Path) -> Result<Vec<u8>, RunFolderError> {
-    std::fs::read(file).map_err(|source| RunFolderError::Read { file: file.to_owned(), source })
+    regular_file::read(file).map_err(|source| RunFolderError::Read { file: file.to_owned(), source })
 }
 
 fn remove_file(path: &Path) -> Result<(), RunFolderError> {

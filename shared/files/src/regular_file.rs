@@ -10,7 +10,8 @@ use std::path::Path;
 pub const MAX_BYTES: u64 = 2 << 30;
 
 /// Opens a regular file for reading.
-pub fn open(path: &Path) -> io::Result<File> {
+pub fn open(path: impl AsRef<Path>) -> io::Result<File> {
+    let path = path.as_ref();
     // Before the file is opened, which waits for the writer of a pipe.
     if !path.metadata()?.is_file() {
         return Err(io::Error::other("is not a regular file, but a folder, pipe or device"));
@@ -19,12 +20,12 @@ pub fn open(path: &Path) -> io::Result<File> {
 }
 
 /// Reads a regular file of at most [`MAX_BYTES`].
-pub fn read(path: &Path) -> io::Result<Vec<u8>> {
-    read_limited(path, MAX_BYTES)
+pub fn read(path: impl AsRef<Path>) -> io::Result<Vec<u8>> {
+    read_limited(path.as_ref(), MAX_BYTES)
 }
 
 /// Reads a regular file of at most [`MAX_BYTES`] in UTF-8.
-pub fn read_to_string(path: &Path) -> io::Result<String> {
+pub fn read_to_string(path: impl AsRef<Path>) -> io::Result<String> {
     String::from_utf8(read(path)?).map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error.utf8_error()))
 }
 
@@ -48,10 +49,10 @@ mod tests {
     #[test]
     fn devices_and_folders_are_refused_and_absent_files_are_named_as_such() {
         for path in ["/dev/zero", "/dev"] {
-            let error = read(Path::new(path)).expect_err(path);
+            let error = read(path).expect_err(path);
             assert_eq!(error.to_string(), "is not a regular file, but a folder, pipe or device");
         }
-        assert_eq!(open(Path::new("/nowhere")).expect_err("absent").kind(), io::ErrorKind::NotFound);
+        assert_eq!(open("/nowhere").expect_err("absent").kind(), io::ErrorKind::NotFound);
     }
 
     #[test]
@@ -66,6 +67,6 @@ mod tests {
         std::fs::write(&path, b"\xff").expect("written");
         assert_eq!(read_to_string(&path).expect_err("no text").kind(), io::ErrorKind::InvalidData);
         // Files of /proc report no size.
-        assert!(!read(Path::new("/proc/self/status")).expect("a regular file").is_empty());
+        assert!(!read("/proc/self/status").expect("a regular file").is_empty());
     }
 }

@@ -1,5 +1,6 @@
 //! Hand-written files, read in bounded memory: a regular file of limited size.
 
+use crate::regular_file;
 use crate::toml_nesting::{TooDeep, check_nesting};
 use serde::de::DeserializeOwned;
 use std::fs::File;
@@ -47,9 +48,9 @@ pub fn read_text(path: &Path, limit: u64) -> Result<String, TextFileError> {
     if bytes.len() as u64 > limit { Err(TextFileError::TooLarge { limit }) } else { Ok(text_from_bytes(bytes)?) }
 }
 
-/// Reads a text of any length, as [`text_from_bytes`].
+/// Reads a text of at most [`regular_file::MAX_BYTES`], as [`text_from_bytes`].
 pub fn read_long_text(path: &Path) -> io::Result<String> {
-    text_from_bytes(std::fs::read(path)?)
+    text_from_bytes(regular_file::read(path)?)
 }
 
 /// The text of a file in UTF-8, or in UTF-16 with a byte order mark, as editors and spreadsheets of Windows write it. The mark is removed.

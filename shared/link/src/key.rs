@@ -1,6 +1,7 @@
 //! The shared key of both hosts. It permits the start of any program in the agent's folder.
 
 use crate::LinkError;
+use files::regular_file;
 use std::fmt::Write as _;
 use std::fs::File;
 use std::io::{Error, Read, Write as _};
@@ -33,7 +34,7 @@ impl Key {
     /// Reads a key. A file that other users can read or write is refused.
     pub fn read(file: &Path) -> Result<Self, LinkError> {
         let failed = |source: Error| LinkError::KeyFile { file: file.to_owned(), source };
-        let opened = File::open(file).map_err(failed)?;
+        let opened = regular_file::open(file).map_err(failed)?;
         let mode = opened.metadata().map_err(failed)?.permissions().mode() & 0o7777;
         if mode & 0o077 != 0 {
             return Err(LinkError::KeyMode { file: file.to_owned(), mode });

@@ -7,6 +7,7 @@ use super::error::{ForeignFile, RecordFault, RecordingError, mcap_fault};
 use super::summary;
 use super::topic::RecordedTopic;
 use crate::compression::ContentLimit;
+use files::regular_file;
 use mcap::McapError;
 use mcap::records::op;
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
@@ -66,7 +67,7 @@ pub struct RecordingReader {
 impl RecordingReader {
     /// Opens the file and reads up to its first message and the summary, so that the topics are known.
     pub fn open(path: &Path) -> Result<Self, RecordingError> {
-        let file = File::open(path).map_err(|cause| RecordingError::io(path, cause))?;
+        let file = regular_file::open(path).map_err(|cause| RecordingError::io(path, cause))?;
         let length = file.metadata().map_err(|cause| RecordingError::io(path, cause))?.len();
         let options = LinearReaderOptions::default()
             // See `Chunk`.

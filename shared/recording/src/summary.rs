@@ -1,7 +1,8 @@
 //! The summary at the end of a recording. Other programs declare a channel just before its first message; the summary
 //! lists all channels.
 
-use std::fs::File;
+use files::regular_file;
+
 use std::io::{self, Read, Seek, SeekFrom};
 use std::path::Path;
 
@@ -14,7 +15,7 @@ const CHECKED_FOOTER_BYTES: usize = 9 + 16;
 /// checksum: reading the whole file reports the fault.
 pub(super) fn read(path: &Path, length: u64, limit: u64) -> io::Result<Option<Vec<u8>>> {
     let Some(footer_at) = length.checked_sub(END_BYTES) else { return Ok(None) };
-    let mut file = File::open(path)?;
+    let mut file = regular_file::open(path)?;
     file.seek(SeekFrom::Start(footer_at))?;
     let mut end = [0; END_BYTES as usize];
     file.read_exact(&mut end)?;

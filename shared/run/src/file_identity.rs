@@ -4,10 +4,11 @@
 use crate::checksum::Checksum;
 use crate::launch_file::LaunchFile;
 use crate::{SUPERVISOR_KEYS, find_file};
+use files::regular_file;
 use serde::{Deserialize, Serialize};
 use settings::Field;
 use std::collections::BTreeSet;
-use std::fs::{File, Metadata};
+use std::fs::Metadata;
 use std::io::{Error, ErrorKind, Read};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
@@ -49,7 +50,7 @@ impl FileIdentity {
         if metadata.len() > MAX_DIGESTED {
             return Ok(by_time());
         }
-        let mut file = match File::open(path) {
+        let mut file = match regular_file::open(path) {
             Ok(file) => file,
             // A program may be executable but not readable.
             Err(error) if error.kind() == ErrorKind::PermissionDenied => return Ok(by_time()),

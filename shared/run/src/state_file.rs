@@ -4,6 +4,7 @@ use crate::checksum::Checksum;
 use crate::health::{ReportedDoubt, Traffic};
 use crate::packed::{Piece, pack, unpack};
 use files::atomic_file::{AtomicFile, sync_all};
+use files::regular_file;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -175,7 +176,7 @@ fn write<'a>(path: &Path, runner: &[u8], stage: impl Iterator<Item = Piece<'a>>)
 
 /// The inverse of [`write_state`]: the parts of the runner and of the stage.
 pub fn load_state(path: &Path) -> Result<(RunnerState, Vec<u8>), StateFileError> {
-    let bytes = std::fs::read(path).map_err(|cause| StateFileError::io(path, cause))?;
+    let bytes = regular_file::read(path).map_err(|cause| StateFileError::io(path, cause))?;
     let (runner, stage) = split_state(&bytes).map_err(|cause| StateFileError::state(path, cause))?;
     let runner = postcard::from_bytes(runner)
         .map_err(|error| StateFileError::state(path, StateError::Content(error.to_string())))?;
@@ -185,7 +186,7 @@ pub fn load_state(path: &Path) -> Result<(RunnerState, Vec<u8>), StateFileError>
 
 /// Length of the stage's own part in a state file, bytes, packed. Reads only the head.
 pub fn saved_bytes(path: &Path) -> std::io::Result<u64> {
-    let mut file = std::fs::File::open(path)?;
+    let mut file = regular_file::open(path)?;
     let mut head = [0; HEAD];
     file.read_exact(&mut head)?;
     let runner = u32::from_le_bytes([head[12], head[13], head[14], head[15]]);
@@ -205,7 +206,7 @@ fn split_state(bytes: &[u8]) -> Result<(&[u8], &[u8]), StateError> {
 /// large file needs no memory. The stage's own part is not decoded.
 pub fn verify_state(path: &Path) -> Result<(), StateError> {
     let unreadable = |cause: std::io::Error| StateError::Unreadable(cause.to_string());
-    let mut file = File::open(path).map_err(unreadable)?;
+    let mut file = regular_file::open(path).map_err(unreadable)?;
     let len = file.metadata().map_err(unreadable)?.len() as usize;
     let mut head = [0; HEAD];
     if len < HEAD {

@@ -4,6 +4,7 @@ use crate::control::Swapped;
 use crate::health::{Health, Latency, ReportedDoubt, Traffic};
 use crate::outcome::Outcome;
 use files::atomic_file::write_atomic;
+use files::regular_file;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -196,7 +197,7 @@ impl Summary {
     /// Reads the file of the run in `output`.
     pub fn load(output: &Path) -> Result<Self, SummaryError> {
         let path = Self::file(output);
-        let read = || -> std::io::Result<Self> { Ok(serde_json::from_slice(&std::fs::read(&path)?)?) };
+        let read = || -> std::io::Result<Self> { Ok(serde_json::from_slice(&regular_file::read(&path)?)?) };
         read().map_err(|cause| SummaryError { path: path.clone(), cause })
     }
     /// The exit code of `replica-launch`, without regard to a recording. A live run is incomplete if a stage failed or

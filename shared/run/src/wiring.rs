@@ -3,6 +3,7 @@
 use crate::Mode;
 use crate::assignment::{PortDescription, TopicChannels};
 use crate::process::open_files;
+use files::regular_file;
 use ipc::Channel;
 use messages::ByteTable;
 use serde::{Deserialize, Serialize};
@@ -87,7 +88,7 @@ impl Wiring {
     /// Reads the wiring of the run into `output`.
     pub fn read(output: &Path) -> Result<Self, WiringError> {
         let path = Self::file(output);
-        let bytes = std::fs::read(&path).map_err(|cause| WiringError::NoRun {
+        let bytes = regular_file::read(&path).map_err(|cause| WiringError::NoRun {
             output: output.to_owned(),
             path: path.clone(),
             cause,

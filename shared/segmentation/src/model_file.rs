@@ -8,6 +8,7 @@
 
 use crate::SegmentationError;
 use candle_core::{DType, Device, Tensor};
+use files::regular_file;
 use messages::pod::{FINGERPRINT_START, fingerprint};
 use safetensors::SafeTensors;
 use safetensors::tensor::Metadata;
@@ -191,7 +192,7 @@ fn prefix_of(number: usize) -> String {
 #[allow(clippy::disallowed_methods, reason = "a stage loads its model before its first step")]
 fn read_bounded(path: &Path) -> Result<Vec<u8>, SegmentationError> {
     let io = |cause| SegmentationError::Io { path: path.into(), cause };
-    let file = std::fs::File::open(path).map_err(io)?;
+    let file = regular_file::open(path).map_err(io)?;
     let found = file.metadata().map_err(io)?.len();
     if found > MAX_MODEL_BYTES {
         return Err(SegmentationError::TooLarge { path: path.into(), found, limit: MAX_MODEL_BYTES });

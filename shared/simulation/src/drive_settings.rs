@@ -5,6 +5,7 @@ use crate::rig::{CalibrationError, RigSpec};
 use crate::sensors::lidar::{LidarErrors, LidarGrade};
 use crate::spec::DriveSpec;
 use files::problems::{FileError, FileProblem};
+use files::regular_file;
 use settings::{Rule, any, one_word};
 use std::path::Path;
 use town::{Town, Traffic};
@@ -93,7 +94,7 @@ impl DriveSettings {
             return Ok(rig);
         }
         let path = Path::new(&self.rig);
-        let text = std::fs::read_to_string(path).map_err(|error| {
+        let text = regular_file::read_to_string(path).map_err(|error| {
             FileProblem::for_file(path, format!("cannot be read ({error}); a rig {}", NameOrFile.text()))
         })?;
         RigSpec::from_toml(path, &text)

@@ -6,6 +6,7 @@ use crate::program::{Program, ProgramOf};
 use crate::runner::Ending;
 use crate::table::{check_table, describe_table, description};
 use crate::{Problem, Stage, exit, log};
+use files::regular_file;
 use run::assignment::Assignment;
 use run::launch_file::LaunchFile;
 use run::{CheckRequest, DescribeRequest};
@@ -78,7 +79,7 @@ fn check(program: &dyn Program, request: &CheckRequest) -> Vec<Problem> {
 
 fn run_assignment(program: &dyn Program, path: &Path) -> u8 {
     log::start();
-    let assignment = std::fs::read(path)
+    let assignment = regular_file::read(path)
         .map_err(|error| error.to_string())
         .and_then(|bytes| serde_json::from_slice::<Assignment>(&bytes).map_err(|error| error.to_string()));
     let assignment = match assignment {

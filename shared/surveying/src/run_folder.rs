@@ -6,6 +6,7 @@ pub use georeference::Georeference;
 
 use crate::error::DeliverError;
 use delivery::{CloudEntry, GEOREFERENCE, INDEX, Index};
+use files::regular_file;
 use formats::trajectory::TrajectoryFile;
 use geometry::Trajectory;
 use messages::columns::{COLUMNS, Column};
@@ -42,7 +43,7 @@ impl RunFolder {
             );
             return Err(DeliverError::content(path, rule));
         }
-        let text = std::fs::read_to_string(&index_path).map_err(DeliverError::file(&index_path, "read"))?;
+        let text = regular_file::read_to_string(&index_path).map_err(DeliverError::file(&index_path, "read"))?;
         let index: Index =
             serde_json::from_str(&text).map_err(|error| DeliverError::content(&index_path, error.to_string()))?;
         let georeference_path = path.join(GEOREFERENCE);

@@ -3,6 +3,7 @@
 use crate::thinning::thinned;
 use anyhow::{Context, ensure};
 use chart::{Axis, COLORS, Chart, Series};
+use files::regular_file;
 use scores::Statistics;
 use std::path::Path;
 
@@ -30,7 +31,7 @@ impl CostHistory {
         if !path.is_file() {
             return Ok(None);
         }
-        let text = std::fs::read_to_string(&path).with_context(|| path.display().to_string())?;
+        let text = regular_file::read_to_string(&path).with_context(|| path.display().to_string())?;
         Self::from_csv(&text).with_context(|| path.display().to_string()).map(Some)
     }
 

@@ -1,5 +1,6 @@
 //! The last lines of a stage's log, for the report of its fault.
 
+use files::regular_file;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
@@ -12,7 +13,7 @@ const MAX_BYTES: u64 = 16 << 10;
 pub fn read(log: &Path, start: u64, error: Option<&str>) -> Vec<String> {
     let mut text = Vec::new();
     // A log that cannot be read has no lines.
-    if let Ok(mut file) = std::fs::File::open(log) {
+    if let Ok(mut file) = regular_file::open(log) {
         let length = file.metadata().map_or(0, |metadata| metadata.len());
         let _ = file.seek(SeekFrom::Start(start.max(length.saturating_sub(MAX_BYTES))));
         let _ = file.read_to_end(&mut text);

@@ -3,12 +3,13 @@
 use super::lens::{Intrinsics, lens};
 use super::{CameraPart, RigParts, SourceOptions, pose_of, text};
 use crate::error::RigError;
+use files::regular_file;
 use geometry::Pose;
 use serde::Deserialize;
 use serde::de::{DeserializeOwned, Deserializer as _, SeqAccess, Visitor};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
-use std::fs::File;
+
 use std::io::BufReader;
 use std::path::Path;
 
@@ -99,7 +100,7 @@ fn table<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>, RigError> {
 
 /// The calibrations referenced by the files of a log. The table has millions of rows, so it is read as a stream.
 fn tokens_of(path: &Path, log: &str) -> Result<BTreeSet<String>, RigError> {
-    let file = File::open(path).map_err(|error| RigError::io(path, error))?;
+    let file = regular_file::open(path).map_err(|error| RigError::io(path, error))?;
     let mut reader = serde_json::Deserializer::from_reader(BufReader::new(file));
     let tokens = reader.deserialize_seq(TokensOf { log });
     let tokens = tokens.map_err(|error| RigError::source(path, "", error.to_string()))?;

@@ -6,6 +6,7 @@ use super::stand_in::RemoteProgram;
 use super::wire::{Answer, LaunchText, Request};
 use crate::command_line::print_json;
 use crate::{Problem, StepError, exit, run_program};
+use files::regular_file;
 use run::assignment::{Assignment, Description};
 use run::{CheckRequest, DescribeRequest, FileIdentity};
 use std::collections::BTreeMap;
@@ -52,7 +53,7 @@ fn parse<'a, T: serde::Deserialize<'a>>(text: &'a [u8]) -> Result<T, StepError> 
 }
 
 fn read_assignment(path: &Path) -> Result<Assignment, StepError> {
-    let bytes = std::fs::read(path).map_err(|error| StepError::io(error).at(path.display()))?;
+    let bytes = regular_file::read(path).map_err(|error| StepError::io(error).at(path.display()))?;
     parse(&bytes).map_err(|error| error.at(path.display()))
 }
 

@@ -1,6 +1,7 @@
 //! The file of check points.
 
 use crate::error::DeliverError;
+use files::regular_file;
 use std::path::Path;
 
 /// A point with known coordinates.
@@ -22,7 +23,7 @@ const IN_CLOUD: [&str; 3] = ["cloud_x", "cloud_y", "cloud_z"];
 /// Reads a CSV file whose first line names the columns, in any order and in upper or lower case. Other columns are ignored.
 /// Fields are separated by commas, semicolons or tabs and may be quoted. Numbers may have decimal commas.
 pub fn load_check_points(path: &Path) -> Result<Vec<CheckPoint>, DeliverError> {
-    let bytes = std::fs::read(path).map_err(DeliverError::file(path, "read"))?;
+    let bytes = regular_file::read(path).map_err(DeliverError::file(path, "read"))?;
     let text = text_from_bytes(&bytes).map_err(|rule| DeliverError::content(path, rule))?;
     check_points_from_csv(text).map_err(|rule| DeliverError::content(path, rule))
 }

@@ -3,6 +3,7 @@
 use crate::crs::{Crs, CrsError};
 use crate::error::DeliverError;
 use delivery::{GeoreferenceFile, UtmOrigin};
+use files::regular_file;
 use geometry::{Geodetic, LocalFrame, Point3, Projection};
 use std::path::Path;
 
@@ -19,7 +20,7 @@ pub struct Georeference {
 impl Georeference {
     /// Reads `georeference.json`.
     pub fn load(path: &Path) -> Result<Self, DeliverError> {
-        let text = std::fs::read_to_string(path).map_err(DeliverError::file(path, "read"))?;
+        let text = regular_file::read_to_string(path).map_err(DeliverError::file(path, "read"))?;
         let GeoreferenceFile { frame, trajectory_frame, origin, utm, .. } =
             serde_json::from_str(&text).map_err(|error| DeliverError::content(path, error.to_string()))?;
         if let Some(Geodetic { latitude_deg, longitude_deg, altitude_m }) = origin

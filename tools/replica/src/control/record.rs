@@ -8,6 +8,7 @@ use attachment::{Attachment, CompleteTick};
 use command_line::say_error;
 use command_line::terminal::StopFlag;
 use command_line::usage_error::UsageError;
+use files::regular_file;
 use ipc::{Attached, IpcError, ObserverMode};
 use messages::{Message, PlacementTopic};
 use progress::Progress;
@@ -90,7 +91,10 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         names.iter().map(|name| run.topic(name).map(|topic| topic.table.clone())).collect::<Result<_, _>>()?;
     let about = BTreeMap::from([
         ("mode".to_owned(), format!("{:?}", run.wiring.mode).to_lowercase()),
-        ("launch_file".to_owned(), std::fs::read_to_string(run.output.join("run/launch.toml")).unwrap_or_default()),
+        (
+            "launch_file".to_owned(),
+            regular_file::read_to_string(run.output.join("run/launch.toml")).unwrap_or_default(),
+        ),
     ]);
     let mut recorder = Recorder {
         writer: RecordingWriter::create(file, &about, &tables)?,

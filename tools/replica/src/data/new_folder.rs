@@ -6,6 +6,7 @@
 
 use anyhow::{Context, ensure};
 use command_line::usage_error::UsageError;
+use files::regular_file;
 use std::fs::{File, TryLockError};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -90,7 +91,7 @@ fn lock(unfinished: &Path) -> anyhow::Result<File> {
 /// Removes the files of a killed command, the moved ones too.
 fn remove_leftovers(out: &Path) -> anyhow::Result<()> {
     let unfinished = out.join(UNFINISHED);
-    let moved = std::fs::read_to_string(unfinished.join(MOVED)).unwrap_or_default();
+    let moved = regular_file::read_to_string(unfinished.join(MOVED)).unwrap_or_default();
     // Only plain names, whatever the file contains.
     let names = moved.lines().filter(|name| Path::new(name).components().count() == 1 && *name != "..");
     for path in names.map(|name| out.join(name)).chain([unfinished.join(FILES), unfinished.join(MOVED)]) {

@@ -27,9 +27,10 @@ use command_line::say;
 use command_line::terminal::StopFlag;
 use command_line::usage_error::UsageError;
 use file_server::{Content, Server, Site};
+use files::regular_file;
 use live_site::LiveSite;
 use scene::Scene;
-use std::fs::File;
+
 use std::io::{self, ErrorKind, Read};
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
@@ -152,7 +153,7 @@ fn add_file(path: &Path, site: &mut Site) -> anyhow::Result<()> {
 
 fn first_bytes(path: &Path) -> io::Result<Vec<u8>> {
     let mut begin = Vec::new();
-    File::open(path)?.take(512).read_to_end(&mut begin)?;
+    regular_file::open(path)?.take(512).read_to_end(&mut begin)?;
     Ok(begin)
 }
 

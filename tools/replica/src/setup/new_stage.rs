@@ -2,6 +2,7 @@
 
 use anyhow::{Context, bail};
 use command_line::usage_error::UsageError;
+use files::regular_file;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -80,7 +81,7 @@ fn rust(args: &Args) -> anyhow::Result<Files> {
     }
     let manifest = include_str!("new_stage/manifest.toml").replace("{library}", &library.display().to_string());
     let lock = source.join("Cargo.lock");
-    let locked = std::fs::read_to_string(&lock).with_context(|| lock.display().to_string())?;
+    let locked = regular_file::read_to_string(&lock).with_context(|| lock.display().to_string())?;
     Ok(vec![
         ("Cargo.toml", manifest),
         // The versions that the programs were built with.

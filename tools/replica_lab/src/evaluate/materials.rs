@@ -7,6 +7,7 @@ mod tally;
 use crate::materials::TownArgs;
 use anyhow::Context;
 use command_line::answer::Answer;
+use files::regular_file;
 use fused_classes::FusedClasses;
 use materials::{Classifier, Method, Model, Places, Smoothing, materials_of};
 use report::Report;
@@ -41,7 +42,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let model = match &args.materials {
         Some(path) => {
             let about = || path.display().to_string();
-            Model::from_json(&std::fs::read_to_string(path).with_context(about)?).with_context(about)?
+            Model::from_json(&regular_file::read_to_string(path).with_context(about)?).with_context(about)?
         }
         None => Model::built_in()?,
     };

@@ -15,6 +15,7 @@ use command_line::argument::percent;
 use command_line::exit_code;
 use command_line::say_error;
 use drive::{Drive, MANIFEST_FILE};
+use files::regular_file;
 use formats::ply::Vertices;
 use messages::ClassId;
 use pictures::cloud_files::cloud_files;
@@ -138,7 +139,7 @@ fn in_order(mut files: Vec<PathBuf>) -> Vec<PathBuf> {
 
 /// The drive that the settings of a run name.
 fn drive_of(run: &Path) -> String {
-    let text = std::fs::read_to_string(run.join("run/launch.toml")).unwrap_or_default();
+    let text = regular_file::read_to_string(run.join("run/launch.toml")).unwrap_or_default();
     let table: toml::Table = text.parse().unwrap_or_default();
     let drive = table.get("run").and_then(|run| run.get("drive")).and_then(toml::Value::as_str);
     drive.map_or_else(

@@ -10,6 +10,7 @@ use command_line::answer::Answer;
 use command_line::argument::{finite, not_negative, positive};
 use command_line::exit_code;
 use command_line::say_error;
+use files::regular_file;
 use formats::trajectory::{csv_from_trajectory, kitti_from_trajectory, times_from_trajectory, tum_from_trajectory};
 use geometry::Trajectory;
 use pictures::cost_history::CostHistory;
@@ -194,7 +195,7 @@ fn report(association: Association, alignment: Alignment, intervals: &Intervals<
 
 /// Durations of the steps of `slam_aggregate`, if the estimate is a run with a summary.
 fn step_times(run: &Path) -> Option<String> {
-    let text = std::fs::read_to_string(run.join("summary.json")).ok()?;
+    let text = regular_file::read_to_string(run.join("summary.json")).ok()?;
     let summary: Value = serde_json::from_str(&text).ok()?;
     let stage = summary["stages"].as_array()?.iter().find(|stage| stage["name"] == "slam_aggregate")?;
     let ms = |name: &str| stage["step"][name].as_f64();

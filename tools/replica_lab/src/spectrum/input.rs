@@ -2,6 +2,7 @@
 
 use anyhow::{Context, bail};
 use drive::Drive;
+use files::regular_file;
 use formats::band_image;
 use formats::pgm::Pgm;
 use formats::sensor_calibration::SensorCalibration;
@@ -40,7 +41,7 @@ pub fn read(path: &Path, selection: &InputSelection<'_>) -> anyhow::Result<Sourc
 /// there are no references.
 fn read_tiff(path: &Path, selection: &InputSelection<'_>) -> anyhow::Result<Source> {
     let about = || path.display().to_string();
-    let image = Tiff::parse(&std::fs::read(path).with_context(about)?).with_context(about)?;
+    let image = Tiff::parse(&regular_file::read(path).with_context(about)?).with_context(about)?;
     let n_bands = image.n_bands as usize;
     if n_bands == 1 {
         bail!("{}: is a raw mosaic\nhint: convert it with `replica-lab cube`", path.display());
@@ -122,7 +123,7 @@ fn read_drive(path: &Path, selection: &InputSelection<'_>) -> anyhow::Result<Sou
     let mut raw = RawCounts::default();
     for (_, frame) in frames.iter().enumerate().filter(|(k, _)| selection.frame.is_none_or(|frame| frame == *k)) {
         let about = || frame.path.display().to_string();
-        let bytes = std::fs::read(&frame.path).with_context(about)?;
+        let bytes = regular_file::read(&frame.path).with_context(about)?;
         let image = Pgm::parse(&bytes).with_context(about)?;
         let counts = camera.cube_into(&image.samples(), exposure_nanos, &mut cube.values, &mut cube.masks);
         let counts = counts.with_context(about)?;

@@ -7,6 +7,7 @@ use anyhow::{Context, bail, ensure};
 use color_lines::{Fit, MAX_GAUSSIANS, Model, Settings, Start};
 use command_line::argument::not_negative;
 use command_line::say;
+use files::regular_file;
 use frame::Frame;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -126,6 +127,6 @@ fn fit(frame: &Frame, args: &Args) -> anyhow::Result<Model> {
 
 fn read_model(path: &Path) -> anyhow::Result<Model> {
     let about = || path.display().to_string();
-    let text = std::fs::read_to_string(path).with_context(about)?;
+    let text = regular_file::read_to_string(path).with_context(about)?;
     Model::from_json(&text).with_context(about)
 }

@@ -1,6 +1,7 @@
 //! Comparison of signatures with reference spectra.
 
 use anyhow::Context;
+use files::regular_file;
 use formats::ecostress;
 use formats::envi::{self, LibrarySpectrum};
 use pictures::bands::source::Source;
@@ -27,7 +28,7 @@ pub fn read(path: &Path) -> anyhow::Result<Vec<LibrarySpectrum>> {
     }
     let about = || path.display().to_string();
     // Place names have unknown encodings; the numbers are ASCII.
-    let text = String::from_utf8_lossy(&std::fs::read(path).with_context(about)?).into_owned();
+    let text = String::from_utf8_lossy(&regular_file::read(path).with_context(about)?).into_owned();
     Ok(vec![ecostress::parse(&text).with_context(about)?])
 }
 

@@ -2,6 +2,7 @@
 
 use super::drives::BatchDrive;
 use anyhow::Context;
+use files::regular_file;
 use run::Outcome;
 use run::process::sibling;
 use run::summary::{REPORT_FILES, Summary};
@@ -126,7 +127,7 @@ impl Launches {
 fn lacks_end(output: &Path) -> bool {
     let has_states = std::fs::read_dir(output.join("run/states")).is_ok_and(|mut states| states.next().is_some());
     let has_report = REPORT_FILES.iter().all(|name| output.join(name).exists());
-    let settings = std::fs::read(output.join("run/settings.json")).unwrap_or_default();
+    let settings = regular_file::read(output.join("run/settings.json")).unwrap_or_default();
     let settings: serde_json::Value = serde_json::from_slice(&settings).unwrap_or_default();
     has_states || !has_report && settings["run"]["report"] == true
 }

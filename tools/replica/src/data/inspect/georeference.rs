@@ -1,12 +1,13 @@
 //! World frame of the clouds of a run, and its accuracy.
 
 use delivery::{Deviations, GEOREFERENCE, GeoreferenceFile};
+use files::regular_file;
 use std::fmt::Write;
 use std::path::Path;
 
 /// Georeference of the run in this folder. `None` without `georeference.json`, or if its version differs.
 pub fn load(run: &Path) -> Option<GeoreferenceFile> {
-    let text = std::fs::read_to_string(run.join(GEOREFERENCE)).ok()?;
+    let text = regular_file::read_to_string(run.join(GEOREFERENCE)).ok()?;
     serde_json::from_str(&text).ok()
 }
 

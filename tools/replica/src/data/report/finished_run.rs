@@ -3,6 +3,7 @@
 use crate::data::inspect::georeference;
 use anyhow::Context;
 use delivery::{GeoreferenceFile, INDEX, Index};
+use files::regular_file;
 use geometry::Trajectory;
 use run::summary::Summary;
 use run::{Change, Mode};
@@ -104,7 +105,7 @@ impl FinishedRun {
 
 /// The parsed file. `None` if it is absent or its version differs.
 fn json<T: DeserializeOwned>(path: &Path) -> Option<T> {
-    serde_json::from_slice(&std::fs::read(path).ok()?).ok()
+    serde_json::from_slice(&regular_file::read(path).ok()?).ok()
 }
 
 #[cfg(test)]

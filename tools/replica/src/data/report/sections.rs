@@ -8,6 +8,7 @@ use super::{costs, overlays, range_picture, uncertain, view_drawing};
 use crate::data::inspect::drive::page::add_sensors;
 use crate::data::inspect::drive::pictures::png;
 use chart::{BarRow, bars};
+use files::regular_file;
 use messages::{ClassId, class_name};
 use page::{Level, Page, Table, grouped};
 use pictures::class_color::class_color;
@@ -320,7 +321,7 @@ fn repeat(page: &mut Page, run: &FinishedRun, facts: &Facts) {
     for swap in &settings.swaps {
         page.paragraph(&format!("Swapped during the run: {}", swap.join(", ")));
     }
-    if let Ok(text) = std::fs::read_to_string(run.folder.join("run/launch.toml")) {
+    if let Ok(text) = regular_file::read_to_string(run.folder.join("run/launch.toml")) {
         page.details("launch.toml", &text);
     }
     let digests = settings.digests.iter().map(|(path, digest)| format!("{digest}  {}", path.display()));

@@ -1,6 +1,7 @@
 //! Lines of a log with their times.
 
 use anyhow::Context;
+use files::regular_file;
 use geometry::Stamp;
 use lidar::nmea::{self, Sentence};
 use std::fs::File;
@@ -29,7 +30,7 @@ pub(super) struct Lines {
 
 impl Lines {
     pub(super) fn open(path: &Path, kind: LineKind) -> anyhow::Result<Self> {
-        let open = || File::open(path).with_context(|| path.display().to_string());
+        let open = || regular_file::open(path).with_context(|| path.display().to_string());
         let mut lines = Self { kind, path: path.to_owned(), reader: BufReader::new(open()?), next: None, last: None };
         while let (None, Some(line)) = (lines.last, lines.read_line()?) {
             lines.last = lines.stamp_of(&line);

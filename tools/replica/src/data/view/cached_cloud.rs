@@ -6,6 +6,7 @@ use crate::data::deliver::frame::ChosenFrame;
 use crate::data::deliver::{COPC_FILE, SOFTWARE, SYSTEM, progress_bar};
 use anyhow::Context;
 use files::atomic_file::write_atomic;
+use files::regular_file;
 use std::fmt::Write;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -36,10 +37,11 @@ impl CachedCloud {
         let cloud = folder.join(COPC_FILE);
         let objects_file = folder.join(OBJECTS);
         let sources_file = folder.join(SOURCES);
-        let is_same = fs::read_to_string(&sources_file).is_ok_and(|text| text == sources);
+        let is_same = regular_file::read_to_string(&sources_file).is_ok_and(|text| text == sources);
         if is_same
             && cloud.exists()
-            && let Some(objects) = fs::read(&objects_file).ok().and_then(|bytes| serde_json::from_slice(&bytes).ok())
+            && let Some(objects) =
+                regular_file::read(&objects_file).ok().and_then(|bytes| serde_json::from_slice(&bytes).ok())
         {
             return Ok(Self { cloud, objects });
         }

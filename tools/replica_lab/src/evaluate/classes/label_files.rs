@@ -3,6 +3,7 @@
 use super::source::{Origin, Source};
 use super::tally::{Tally, TrueClass};
 use anyhow::Context;
+use files::regular_file;
 use messages::ClassId;
 use std::path::{Path, PathBuf};
 
@@ -46,7 +47,7 @@ pub fn sources(truth: &Path, prediction: &Path, empty: &Tally) -> anyhow::Result
 
 /// Class ids of a file.
 fn classes(path: &Path) -> anyhow::Result<Vec<u8>> {
-    let bytes = std::fs::read(path).with_context(|| path.display().to_string())?;
+    let bytes = regular_file::read(path).with_context(|| path.display().to_string())?;
     let (words, rest) = bytes.as_chunks::<4>();
     anyhow::ensure!(
         rest.is_empty(),

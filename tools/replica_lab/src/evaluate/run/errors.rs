@@ -7,6 +7,7 @@ use crate::evaluate::trajectory::{RUN_TRAJECTORY, Report, report_of_run, true_tr
 use anyhow::Context;
 use delivery::{INDEX, Index};
 use drive::Drive;
+use files::regular_file;
 use formats::trajectory::TrajectoryFile;
 use geometry::{Pose, Trajectory};
 use scores::Statistics;
@@ -90,7 +91,7 @@ fn submap_errors(truth: &Trajectory, place: &RunPlace, run: &Path) -> anyhow::Re
     if *place == RunPlace::Odometry || !path.exists() {
         return Ok(None);
     }
-    let text = std::fs::read_to_string(&path).with_context(|| path.display().to_string())?;
+    let text = regular_file::read_to_string(&path).with_context(|| path.display().to_string())?;
     let index: Index = serde_json::from_str(&text).with_context(|| path.display().to_string())?;
     let errors = SubmapErrors::from_clouds(truth, place, &index.clouds);
     errors.with_context(|| path.display().to_string())

@@ -3,6 +3,7 @@
 use anyhow::Context;
 use delivery::{GEOREFERENCE, GeoreferenceFile};
 use drive::Drive;
+use files::regular_file;
 use geometry::{Geodetic, LocalFrame, Point3, Pose, Translation3, UnitQuaternion, Vector3};
 use std::path::Path;
 
@@ -27,7 +28,7 @@ impl RunPlace {
         if !path.exists() {
             return Ok(Self::Odometry);
         }
-        let text = std::fs::read_to_string(&path).with_context(|| path.display().to_string())?;
+        let text = regular_file::read_to_string(&path).with_context(|| path.display().to_string())?;
         let found: GeoreferenceFile = serde_json::from_str(&text).with_context(|| path.display().to_string())?;
         let Some(origin) = found.origin else { return Ok(Self::Own("the run has no geographic origin".to_owned())) };
         let Some(gnss) = &drive.manifest().gnss else {

@@ -3,6 +3,7 @@
 use super::sweep_files::{self, SweepFiles};
 use anyhow::Context;
 use candle_core::{Tensor, WithDType};
+use files::regular_file;
 use formats::kitti::{labels_from_bytes, points_from_bin};
 use formats::semantic_kitti::{CLASS_OF_BENCHMARK_ID, benchmark_id_of_label};
 use std::path::Path;
@@ -42,9 +43,9 @@ impl LabelledSweep {
 
 fn read_kitti(files: &SweepFiles) -> anyhow::Result<LabelledSweep> {
     let about = || files.points.display().to_string();
-    let cloud = points_from_bin(&std::fs::read(&files.points).with_context(about)?).with_context(about)?;
+    let cloud = points_from_bin(&regular_file::read(&files.points).with_context(about)?).with_context(about)?;
     let about = || files.labels.display().to_string();
-    let labels = labels_from_bytes(&std::fs::read(&files.labels).with_context(about)?).with_context(about)?;
+    let labels = labels_from_bytes(&regular_file::read(&files.labels).with_context(about)?).with_context(about)?;
     let id = |(index, label): (usize, &formats::kitti::Label)| {
         let id = benchmark_id_of_label(label.class).map(u32::from);
         let class = label.class;
@@ -72,7 +73,7 @@ fn read_arrays(files: &SweepFiles) -> anyhow::Result<LabelledSweep> {
 /// The numbers of a `.npy` file in C order.
 fn read_npy<T: WithDType>(path: &Path) -> anyhow::Result<Vec<T>> {
     let about = || path.display().to_string();
-    let bytes = std::fs::read(path).with_context(about)?;
+    let bytes = regular_file::read(path).with_context(about)?;
     formats::npy::check_header(&bytes).with_context(about)?;
     let array = Tensor::read_npy(path).with_context(about)?;
     array.flatten_all()?.to_vec1().with_context(about)
