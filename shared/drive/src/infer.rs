@@ -145,6 +145,8 @@ pub(super) fn drive_from_capture(file: &Path) -> Result<Drive, FileError> {
             format: "pcap".to_owned(),
             files: vec![file.to_owned()],
             stamps: Vec::new(),
+            intensity_scale: None,
+            map_origin: None,
             missing: Missing::default(),
         },
         other_lidars: Vec::new(),

@@ -16,6 +16,7 @@
 
 mod camera_rig;
 mod check;
+mod cloud_reader;
 mod clouds;
 pub mod imu;
 mod infer;
@@ -42,7 +43,7 @@ pub use lidars::DriveLidar;
 pub use listing::{Frame, frame_stamp, is_image_name, is_mosaic_name};
 pub use live_rig::LiveRig;
 pub use numbering::Missing;
-pub use sweeps::{SourcePosition, SweepSource};
+pub use sweeps::{CloudSample, SourcePosition, SweepSource};
 
 use crate::imu::ImuReader;
 use crate::manifest::{ImuEntry, Manifest};

@@ -7,6 +7,7 @@ use super::listing::{captures, files_with_extension};
 use super::numbering::{Missing, missing_files, positions};
 use crate::manifest::{LidarEntry, rules};
 use files::text_file::read_text;
+use formats::cloud_fields::IntensityScale;
 use geometry::Stamp;
 use lidar::Lidar;
 use lidar::pcap::sort_by_time;
@@ -15,6 +16,9 @@ use std::path::{Path, PathBuf};
 
 /// Time between cloud files without `times.txt`: 10 Hz.
 const SWEEP_NANOS: i64 = 100_000_000;
+
+/// Largest origin of map coordinates, m.
+const MAX_ORIGIN_M: i64 = 100_000_000;
 
 /// A LiDAR of a drive and its files.
 #[derive(Clone, Debug)]
@@ -27,6 +31,10 @@ pub struct DriveLidar {
     pub files: Vec<PathBuf>,
     /// Stamps of clouds, one per file; empty for captures.
     pub stamps: Vec<Stamp>,
+    /// Factor of the intensities of clouds; `None`: determined from the files.
+    pub intensity_scale: Option<f64>,
+    /// Whole meters that are subtracted from map coordinates of clouds; `None`: determined from the files.
+    pub map_origin: Option<[i64; 3]>,
     /// Files that are missing by the numbers in the names; none for clouds with stamps.
     pub missing: Missing,
 }
@@ -47,7 +55,17 @@ impl Check<'_> {
             // If another LiDAR has no data, the drive still has ticks.
             let Sweeps { files, stamps, missing } = self.sweeps(&keys[index], entry, index == 0);
             let lidar = lidar.map(|lidar| self.calibrated(&keys[index], entry, lidar, &files));
-            found.push(lidar.map(|lidar| DriveLidar { lidar, format: entry.format.clone(), files, stamps, missing }));
+            let format = entry.format.clone();
+            let LidarEntry { intensity_scale, map_origin, .. } = *entry;
+            found.push(lidar.map(|lidar| DriveLidar {
+                lidar,
+                format,
+                files,
+                stamps,
+                intensity_scale,
+                map_origin,
+                missing,
+            }));
         }
         let mut found = found.into_iter().collect::<Option<Vec<_>>>()?.into_iter();
         Some(CheckedLidars { first: found.next()?, others: found.collect() })
@@ -94,6 +112,15 @@ impl Check<'_> {
 
     fn lidar(&mut self, key: &str, entry: &LidarEntry) -> Option<Lidar> {
         rules::pose(&mut self.file, &format!("{key}.body_from_lidar"), &entry.body_from_lidar);
+        if let Some(factor) = entry.intensity_scale {
+            self.file.rule(&format!("{key}.intensity_scale"), IntensityScale::is_factor(factor), || {
+                format!("value {factor} must be a positive number; intensities times it are 0 to 255")
+            });
+        }
+        let origin = entry.map_origin.unwrap_or_default();
+        self.file.rule(&format!("{key}.map_origin"), origin.iter().all(|value| value.abs() <= MAX_ORIGIN_M), || {
+            format!("value {origin:?} must be three whole numbers of meters, up to {MAX_ORIGIN_M}")
+        });
         if let Some(name) = &entry.calibration {
             self.inside(&format!("{key}.calibration"), name)?;
         }

@@ -1,10 +1,11 @@
 //! The sweeps of a drive, from captures or from cloud files.
 
 use super::DriveLidar;
-use super::clouds::{self, CloudFault, CloudReturns};
+use super::cloud_reader::{CloudFault, CloudReader, CloudReturns};
+use formats::cloud_fields::{CloudForm, sampled};
 use geometry::Stamp;
 use lidar::nmea::{Fix, LogStats};
-use lidar::{Lidar, LidarStats, SweepError, SweepInfo, SweepPoint, SweepPosition, SweepReader};
+use lidar::{LidarStats, SweepError, SweepInfo, SweepPoint, SweepPosition, SweepReader};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -32,8 +33,7 @@ pub enum SweepSource {
 pub struct Clouds {
     files: Vec<PathBuf>,
     pub(super) stamps: Vec<Stamp>,
-    format: String,
-    lidar: Lidar,
+    reader: CloudReader,
     pub(super) next: usize,
     /// Points of the next file that earlier slices have taken.
     pub(super) taken: usize,
@@ -63,18 +63,20 @@ pub enum SourcePosition {
 impl SweepSource {
     /// A reader of the sweeps of a LiDAR, at the first.
     pub fn open(of: &DriveLidar) -> Result<Self, SweepError> {
-        let DriveLidar { lidar, format, files, stamps, missing: _ } = of.clone();
+        let DriveLidar { lidar, format, files, stamps, .. } = of.clone();
         if format == "pcap" {
             let size = |path: &PathBuf| path.metadata().map_or(0, |metadata| metadata.len());
             let sizes = files.iter().map(size).collect();
             let reader = Box::new(SweepReader::open(files, Some(&lidar))?);
             return Ok(Self::Packets { reader, sizes });
         }
+        let reader = CloudReader::open(of);
+        let shift_nanos = reader.form().shift_nanos();
+        let stamps = stamps.into_iter().map(|stamp| stamp.plus_nanos(shift_nanos)).collect();
         Ok(Self::Clouds(Clouds {
             files,
             stamps,
-            format,
-            lidar,
+            reader,
             next: 0,
             taken: 0,
             current: None,
@@ -176,6 +178,22 @@ impl SweepSource {
         }
     }
 
+    /// Errors of a few evenly spaced cloud files, with the number of files examined. Captures are not examined.
+    pub fn sample(&mut self) -> CloudSample {
+        match self {
+            Self::Packets { .. } => CloudSample::default(),
+            Self::Clouds(clouds) => clouds.sample(),
+        }
+    }
+
+    /// How cloud files are read, if not in the units of the drive folder's page; empty for captures.
+    pub fn form(&self) -> Option<&CloudForm> {
+        match self {
+            Self::Packets { .. } => None,
+            Self::Clouds(clouds) => Some(clouds.reader.form()),
+        }
+    }
+
     /// Errors of damaged files since this source was opened, one text per file.
     pub fn damage(&self) -> &[String] {
         match self {
@@ -185,6 +203,17 @@ impl SweepSource {
     }
 }
 
+/// Result of [`SweepSource::sample`].
+#[derive(Clone, Debug, Default)]
+pub struct CloudSample {
+    /// Files examined.
+    pub n_files: usize,
+    /// Files without returns.
+    pub n_empty: usize,
+    /// Errors of unreadable files.
+    pub faults: Vec<String>,
+}
+
 /// A cloud file.
 pub(super) struct LoadedCloud {
     pub(super) cloud: CloudReturns,
@@ -192,6 +221,22 @@ pub(super) struct LoadedCloud {
 }
 
 impl Clouds {
+    fn sample(&mut self) -> CloudSample {
+        let (next, n_bad, n_damaged) = (self.next, self.n_bad, self.damage.len());
+        let indexes: Vec<usize> = (0..self.files.len()).collect();
+        let mut sample = CloudSample::default();
+        for index in sampled(&indexes) {
+            self.next = *index;
+            let n_returns = self.load().map(|loaded| loaded.cloud.returns.len());
+            sample.n_files += 1;
+            sample.n_empty += usize::from(n_returns == Some(0));
+        }
+        sample.faults = self.damage.split_off(n_damaged);
+        self.next = next;
+        self.n_bad = n_bad;
+        sample
+    }
+
     fn next(&mut self) -> Option<LoadedCloud> {
         while self.next < self.files.len() {
             let loaded = self.load();
@@ -206,7 +251,8 @@ impl Clouds {
     /// The next file; `None` if it cannot be read.
     pub(super) fn load(&mut self) -> Option<LoadedCloud> {
         let path = self.files.get(self.next)?;
-        let loaded = clouds::load(path, &self.format, &self.lidar);
+        let stamp = self.stamps[self.next].plus_nanos(-self.reader.form().shift_nanos());
+        let loaded = self.reader.load(path, stamp);
         match loaded.and_then(|found| Ok((self.sweep(self.next, &found)?, found))) {
             Ok((sweep, cloud)) => Some(LoadedCloud { cloud, sweep }),
             Err(fault) => {

@@ -1,4 +1,4 @@
-//! Points of cloud files: PCD, KITTI, nuScenes.
+//! Points of cloud files.
 
 /// x, y, z and intensity as stored in the file.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -22,6 +22,17 @@ pub struct FiredPoint {
     pub ring: u8,
     /// Time after the sweep's stamp, ns; 0 if the file has no times.
     pub offset_nanos: u32,
+}
+
+/// The points of a file.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FiredCloud {
+    /// The points, in the order of the file.
+    pub points: Vec<FiredPoint>,
+    /// Whether the file has rings.
+    pub has_rings: bool,
+    /// Whether the file has times.
+    pub has_times: bool,
 }
 
 /// Longest range of a point, m: more than twice the range of every supported sensor.

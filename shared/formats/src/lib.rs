@@ -6,7 +6,7 @@
 //!
 //! | kind | modules |
 //! |---|---|
-//! | points | [`ply`], [`pcd`], [`kitti`], [`nuscenes`], [`semantic_kitti`] over [`cloud`] |
+//! | points | [`ply`], [`pcd`], [`kitti`], [`nuscenes`], [`semantic_kitti`] over [`cloud`]; [`cloud_fields`]: names, units and scales of their fields |
 //! | images | [`jpeg`], [`pgm`], [`tiff`], [`raw_mosaic`], [`band_image`], [`multipart`] |
 //! | spectra | [`envi`], [`ecostress`], [`sensor_calibration`] |
 //! | poses and grids | [`trajectory`] (TUM, KITTI, CSV), [`gtx`], [`gps_time`] |
@@ -20,6 +20,7 @@
 
 pub mod band_image;
 pub mod cloud;
+pub mod cloud_fields;
 pub mod ecostress;
 pub mod envi;
 pub mod gps_time;

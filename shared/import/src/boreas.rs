@@ -7,18 +7,19 @@ mod calibration;
 mod poses;
 mod sweep;
 
-use crate::cameras::{self, Camera, png_size};
+use crate::cameras::{self, Camera, image_size};
 use crate::error::ImportError;
-use crate::files::files;
+use crate::files::{files, stem};
 use crate::imu_table;
 use crate::imu_units::to_metric;
 use crate::plan::{Conversion, Plan, TextFile};
-use crate::rings::{Elevations, Rings, model_of_beams};
+use crate::rings::model_of_beams;
 use crate::stamp_text;
 use crate::sweeps::{LIDAR_FOLDER, Sweeps};
 use crate::{Kind, Options};
 use drive::imu::{ImuSample, csv_from_samples};
 use drive::manifest::{ImuEntry, LidarEntry};
+use formats::cloud_fields::{Elevations, Rings};
 use geometry::{Isometry3, Pose, UnitQuaternion, Vector3};
 use lidar::{Lidar, Model};
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -134,7 +135,7 @@ fn sweeps(source: &Path, options: &Options, body_from_lidar: Pose) -> Result<Pla
 fn stamped(folder: &Path, end: &str) -> Result<Vec<(i64, PathBuf)>, ImportError> {
     let mut found = Vec::new();
     for (name, path) in files(folder, end)? {
-        let stamp = stamp_text::nanos(name.strip_suffix(end).unwrap_or_default());
+        let stamp = stamp_text::nanos(stem(&name, end).unwrap_or_default());
         let stamp = stamp.ok_or_else(|| ImportError::at(&path, "the name must be the stamp, us since 1970"))?;
         found.push((stamp, path));
     }
@@ -153,7 +154,7 @@ fn camera(
     let camera_from_lidar = calibration::transform(&mounting)?;
     let projection = calibration::projection(&lens)?;
     let size = match images.first() {
-        Some((_, first)) => png_size(first)?,
+        Some((_, first)) => image_size(first)?,
         None => [0; 2],
     };
     read.extend([lens, mounting]);

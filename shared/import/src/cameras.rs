@@ -4,6 +4,7 @@ use crate::error::{At, ImportError};
 use crate::plan::{Link, Plan};
 use drive::manifest::CameraEntry;
 use geometry::{CameraModel, Isometry3, Pinhole, Pose};
+use image::ImageReader;
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -83,14 +84,17 @@ pub(crate) fn add(plan: &mut Plan, cameras: Vec<Camera>) -> Result<(), ImportErr
     Ok(())
 }
 
-/// Columns and rows of a PNG file, from its header (W3C PNG, section 11.2.1).
-pub(crate) fn png_size(path: &Path) -> Result<[u32; 2], ImportError> {
+/// Columns and rows of a PNG (W3C PNG, section 11.2.1) or JPEG image, from its header.
+pub(crate) fn image_size(path: &Path) -> Result<[u32; 2], ImportError> {
     let mut header = [0; 24];
     let read = File::open(path).at(path)?.read_exact(&mut header);
-    let is_png = read.is_ok() && header.starts_with(b"\x89PNG\r\n\x1a\n") && &header[12..16] == b"IHDR";
-    if !is_png {
-        return Err(ImportError::at(path, "is not a PNG image: it does not begin with the header of one"));
+    if read.is_ok() && header.starts_with(b"\x89PNG\r\n\x1a\n") && &header[12..16] == b"IHDR" {
+        let number = |at: usize| u32::from_be_bytes([header[at], header[at + 1], header[at + 2], header[at + 3]]);
+        return Ok([number(16), number(20)]);
     }
-    let number = |at: usize| u32::from_be_bytes([header[at], header[at + 1], header[at + 2], header[at + 3]]);
-    Ok([number(16), number(20)])
+    let reader = ImageReader::open(path).and_then(ImageReader::with_guessed_format).at(path)?;
+    let size = reader.into_dimensions().map_err(|_| {
+        ImportError::at(path, "is neither a PNG nor a JPEG image: it does not begin with the header of one")
+    })?;
+    Ok([size.0, size.1])
 }

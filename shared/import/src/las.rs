@@ -1,9 +1,12 @@
 //! LAS and LAZ point clouds (ASPRS LAS 1.0 to 1.4), read in blocks.
 
+mod extra_bytes;
 mod layers;
 
 use crate::error::{At, ImportError};
+use extra_bytes::ExtraField;
 use formats::cloud::CloudPoint;
+use formats::cloud_fields::{Column, Field, RawCloud, ValueType};
 use laz::{LasZipDecompressor, LazVlr};
 use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
@@ -24,12 +27,58 @@ const MAX_LAZ_RECORD: usize = 1024;
 const TIME_AT: [Option<usize>; 11] =
     [None, Some(20), None, Some(20), Some(20), Some(20), Some(22), Some(22), Some(22), Some(22), Some(22)];
 
+/// Bytes of a record without extra bytes, by point format.
+const RECORD_BYTES: [usize; 11] = [20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67];
+/// Name of the times.
+pub(crate) const GPS_TIME: &str = "GPS time";
+
 /// A point and its time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct LasPoint {
-    pub point: CloudPoint,
+    /// Coordinates, m.
+    pub position: [f64; 3],
+    /// Intensity of 16 bits.
+    pub intensity: u16,
     /// GPS time, s; `None` in point formats without time.
     pub time_s: Option<f64>,
+    /// Number of the beam, from the extra bytes.
+    pub beam: Option<f64>,
+}
+
+impl LasPoint {
+    /// The point in single precision.
+    pub fn point(&self) -> CloudPoint {
+        let [x, y, z] = self.position.map(|value| value as f32);
+        CloudPoint { x, y, z, intensity: f32::from(self.intensity) }
+    }
+}
+
+/// The points of a file as columns.
+pub(crate) fn raw_from_las(path: &Path) -> Result<RawCloud, ImportError> {
+    let mut positions = Vec::new();
+    let mut intensities = Vec::new();
+    let mut times = Vec::new();
+    let mut beams = Vec::new();
+    each_block(path, |block| {
+        for point in block {
+            positions.push(point.position);
+            intensities.push(f64::from(point.intensity));
+            times.extend(point.time_s);
+            beams.extend(point.beam);
+        }
+        Ok(())
+    })?;
+    let n = positions.len();
+    let column = |name: &str, value_type: ValueType, values: Vec<f64>| {
+        (values.len() == n && n > 0).then(|| Column { name: name.to_owned(), value_type, values })
+    };
+    Ok(RawCloud {
+        positions,
+        position_type: ValueType::F64,
+        intensities: column(Field::Intensity.names()[0], ValueType::U16, intensities),
+        beams: column(Field::Ring.names()[0], ValueType::U16, beams),
+        times: column(GPS_TIME, ValueType::F64, times),
+    })
 }
 
 /// Content of the header.
@@ -43,6 +92,8 @@ struct Layout {
     n_points: u64,
     record_bytes: usize,
     time_at: Option<usize>,
+    /// The beam in the extra bytes.
+    beam: Option<ExtraField>,
     scale: [f64; 3],
     offset: [f64; 3],
     /// Description of the compression.
@@ -137,7 +188,7 @@ impl Layout {
         }
         let time_at =
             *TIME_AT.get(usize::from(format)).ok_or_else(|| format!("point format {format} must be 0 to 10"))?;
-        let least = time_at.map_or(20, |at| at + 8);
+        let least = RECORD_BYTES[usize::from(format)];
         if record_bytes < least {
             return Err(format!("records of {record_bytes} bytes; point format {format} has at least {least}"));
         }
@@ -161,13 +212,48 @@ impl Layout {
         if !scale.iter().chain(&offset).all(|value| value.is_finite()) {
             return Err(format!("scale {scale:?} and offset {offset:?} must be finite"));
         }
+        if let Some(axis) = scale.iter().position(|scale| *scale == 0.0) {
+            let axis = ["x", "y", "z"][axis];
+            return Err(format!("the scale of {axis} is 0: all points have the same {axis}; write the file again"));
+        }
+        let beam = extra_bytes::beam(&mut *file, &header, RECORD_BYTES[usize::from(format)])
+            .map_err(|error| error.to_string())?;
+        let beam = beam.filter(|beam| beam.end() <= record_bytes);
         let mut layout =
-            Self { n_bytes, format, data_at, n_points, record_bytes, time_at, scale, offset, laszip: None };
+            Self { n_bytes, format, data_at, n_points, record_bytes, time_at, beam, scale, offset, laszip: None };
+        if !is_compressed {
+            layout.check_count(file, &header)?;
+        }
         if is_compressed {
             layout.laszip = Some(laszip(file, header_bytes, u32_at(&header, 100), data_at)?);
             layout.check_chunks(file)?;
         }
         Ok(layout)
+    }
+
+    /// Fails if the file holds more points than its header states.
+    fn check_count(&self, file: &mut BufReader<File>, header: &[u8]) -> Result<(), String> {
+        let header_bytes = u16_at(header, 94);
+        // Waveforms and extended records follow the points.
+        let mut end = self.n_bytes;
+        for (at, least) in [(227, 235), (235, 375)] {
+            if header_bytes >= least {
+                let mut long = [0; 8];
+                file.seek(SeekFrom::Start(at))
+                    .and_then(|_| file.read_exact(&mut long))
+                    .map_err(|error| error.to_string())?;
+                let next = u64::from_le_bytes(long);
+                end = if next > self.data_at { end.min(next) } else { end };
+            }
+        }
+        let room = end.saturating_sub(self.data_at) / self.record_bytes as u64;
+        if room > self.n_points {
+            return Err(format!(
+                "the header states {} points of {} bytes; the file holds {room}: the header contradicts the data",
+                self.n_points, self.record_bytes
+            ));
+        }
+        Ok(())
     }
 
     /// Checks the number of chunks: the decoder reserves memory for as many chunks as the file states.
@@ -203,11 +289,12 @@ impl Layout {
     }
 
     fn point(&self, record: &[u8]) -> LasPoint {
-        let value = |k: usize| (f64::from(u32_at(record, 4 * k) as i32) * self.scale[k] + self.offset[k]) as f32;
-        let intensity = f32::from(u16_at(record, 12));
+        let value = |k: usize| f64::from(u32_at(record, 4 * k) as i32) * self.scale[k] + self.offset[k];
         LasPoint {
-            point: CloudPoint { x: value(0), y: value(1), z: value(2), intensity },
+            position: [value(0), value(1), value(2)],
+            intensity: u16_at(record, 12),
             time_s: self.time_at.map(|at| f64_at(record, at)),
+            beam: self.beam.map(|beam| beam.value(record)),
         }
     }
 }

@@ -9,7 +9,7 @@
 //! | links and files of the drive folder, written completely or not at all | `plan` |
 //! | one layout per module | `boreas`, `kitti`, `las`, `mandeye`, `nuscenes`, `plain`, `ros` |
 //! | labeled clouds as recordings | `clouds` |
-//! | tables shared by several layouts | `rows`, `imu_table`, `fixes`, `point_times`, `rings` |
+//! | tables shared by several layouts | `rows`, `imu_table`, `fixes`, `rings` |
 //! | files that were left out, for the report | `left_out` |
 //!
 //! An import must never change the source, guess a calibration or a unit that the source does not state, or leave a partial
@@ -36,7 +36,7 @@ mod numbered;
 mod nuscenes;
 mod plain;
 mod plan;
-mod point_times;
+mod readable;
 mod rings;
 mod ros;
 mod rows;
@@ -111,6 +111,7 @@ pub fn import(source: &Path, out: &Path, options: &Options) -> Result<Vec<String
     let plural = if n_sweeps == 1 { "" } else { "s" };
     let mut report = vec![format!("{}: {n_sweeps} {file}{plural} of {model} ({})", out.display(), kind.title())];
     report.extend(plan.report.iter().cloned());
+    report.extend(readable::check(&drive, &partial.folder, out)?);
     let missing = drive.lidars().flat_map(|lidar| &lidar.missing.texts);
     report.extend(missing.map(|text| format!("files are missing, their time is left out: {text}")));
     report.extend(left_out::list(source, &plan)?);

@@ -1,7 +1,7 @@
 //! Files named by the line numbers of a file of stamps.
 
 use crate::error::{At, ImportError};
-use crate::files::files;
+use crate::files::{files, stem};
 use files::text_file::read_long_text;
 use std::path::{Path, PathBuf};
 
@@ -80,6 +80,6 @@ impl Stamps {
 
 /// The number that forms the name of a file.
 pub(crate) fn number_of(name: &str, end: &str, path: &Path) -> Result<usize, ImportError> {
-    let number = name.strip_suffix(end).and_then(|stem| stem.parse().ok());
+    let number = stem(name, end).and_then(|stem| stem.parse().ok());
     number.ok_or_else(|| ImportError::at(path, format!("name must be a number and {end}")))
 }

@@ -11,11 +11,12 @@ use crate::plan::{Conversion, Plan, TextFile};
 use crate::rows::{self, Rows};
 use crate::sweeps::{LIDAR_FOLDER, Sweeps};
 use crate::{Kind, Options};
-use cloud_sweep::{CloudSweep, SweepForm};
+use cloud_sweep::{Read, form_of, pcd, read_las, read_pcd, read_ply};
 use drive::imu::csv_from_samples;
 use drive::manifest::{ImuEntry, LidarEntry, PoseEntry};
 use files::names::natural_order;
 use files::text_file::read_long_text;
+use formats::cloud_fields::{CloudForm, MapOrigin};
 use formats::trajectory::TrajectoryFile;
 use geometry::Trajectory;
 use lidar::{Model, velodyne};
@@ -34,7 +35,7 @@ pub(crate) fn plan(kind: Kind, source: &Path, options: &Options) -> Result<Plan,
         sweeps.sort_by(|a, b| natural_order(&a.0, &b.0));
     }
     let found = stamped(source, sweeps)?;
-    let originals = Sweeps { files: found.files, times: found.times };
+    let mut originals = Sweeps { files: found.files, times: found.times };
     originals.check(source)?;
     if kind == Kind::Bin {
         rows::check(&originals.files, Rows::kitti(options.kind.is_some()))?;
@@ -42,14 +43,28 @@ pub(crate) fn plan(kind: Kind, source: &Path, options: &Options) -> Result<Plan,
     let model = options.model.unwrap_or(velodyne::Model::Hdl64e.into());
     let format = if kind == Kind::Bin { "bin" } else { "pcd" };
     let lidar = LidarEntry::new(model.name(), format, LIDAR_FOLDER, PoseEntry::IDENTITY);
+    let read: Option<Read> = match kind {
+        Kind::Pcd => Some(read_pcd),
+        Kind::Ply => Some(read_ply),
+        Kind::Las => Some(read_las),
+        _ => None,
+    };
+    // Files of PCD are links, which a run reads by the same rules.
+    let form = match read {
+        Some(read) if kind != Kind::Pcd => {
+            let files: Vec<&Path> = originals.files.iter().map(|(_, path)| path.as_path()).collect();
+            Some(form_of(&files, originals.times.as_deref(), interval_s(&originals), model, read)?)
+        }
+        _ => None,
+    };
+    let stamps = originals.times.clone().unwrap_or_else(|| vec![0; originals.files.len()]);
+    let shift_nanos = form.as_ref().map_or(0, CloudForm::shift_nanos);
+    originals.times.iter_mut().flatten().for_each(|time| *time += shift_nanos);
     let mut plan = numbered(&originals).plan(kind, &crate::drive_name(source, kind), lidar);
     plan.report.extend(found.note);
     plan.read.extend(found.table);
-    let interval_s = interval_s(&originals);
-    match kind {
-        Kind::Ply => convert(&mut plan, model, interval_s, CloudSweep::read_ply)?,
-        Kind::Las => convert(&mut plan, model, interval_s, CloudSweep::read_las)?,
-        _ => {}
+    if let (Some(form), Some(read)) = (form, read) {
+        convert(&mut plan, &form, &stamps, read);
     }
     if options.model.is_none() {
         plan.report.push(assumed(model));
@@ -92,28 +107,22 @@ fn interval_s(sweeps: &Sweeps) -> Option<f64> {
     }
 }
 
-/// Plans the conversion of the files to PCD: the drive format supports no other format for them.
-fn convert(
-    plan: &mut Plan,
-    model: Model,
-    interval_s: Option<f64>,
-    read: fn(&Path) -> Result<CloudSweep, ImportError>,
-) -> Result<(), ImportError> {
-    let links = std::mem::take(&mut plan.links);
-    let originals: Vec<&Path> = links.iter().map(|link| link.original.as_path()).collect();
-    let form = SweepForm::from_files(&originals, interval_s, model, read)?;
+/// Plans the conversion of the files to PCD: the drive format supports no other format for them. `stamps`: stamps of the source.
+fn convert(plan: &mut Plan, form: &CloudForm, stamps: &[i64], read: Read) {
     plan.report.push("the files are converted to PCD".into());
-    plan.report.extend(form.report());
-    for link in links {
+    plan.report.extend(form.report.iter().cloned());
+    plan.manifest.lidar.map_origin = form.origin.map(|MapOrigin(origin)| origin);
+    for (link, stamp) in std::mem::take(&mut plan.links).into_iter().zip(stamps) {
         let original = link.original.clone();
         let form = form.clone();
+        let stamp = *stamp;
+        let bytes = move || pcd(&form, &read(&original)?, stamp).map_err(|rule| ImportError::at(&original, rule));
         plan.conversions.push(Conversion {
             place: link.place.with_extension("pcd"),
             originals: vec![link.original],
-            bytes: Box::new(move || form.pcd(&read(&original)?).map_err(|rule| ImportError::at(&original, rule))),
+            bytes: Box::new(bytes),
         });
     }
-    Ok(())
 }
 
 /// Adds poses with stamps as the true poses of the LiDAR. Poses without stamps often belong to a camera and are not

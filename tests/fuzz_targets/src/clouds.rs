@@ -4,6 +4,7 @@ use crate::accepted::accepted;
 use candle_core::Tensor;
 use drive::returns_from_cloud;
 use formats::cloud::check_points;
+use formats::cloud_fields::{FormBuilder, IntensityScale, RawCloud};
 use formats::ply::Vertices;
 use lidar::velodyne::Model;
 use std::io::Write;
@@ -19,6 +20,9 @@ pub(crate) fn ply(bytes: &[u8]) {
         }
         let _ = (vertices.i64s(&property.name), vertices.u8s(&property.name), vertices.f32s(&property.name));
     }
+    if let Ok(cloud) = vertices.raw_cloud() {
+        fired(&cloud);
+    }
 }
 
 pub(crate) fn pcd(bytes: &[u8]) {
@@ -28,9 +32,25 @@ pub(crate) fn pcd(bytes: &[u8]) {
         let returns = returns_from_cloud(&points, &Model::Hdl64e.into());
         assert!(returns.iter().all(|one| one.azimuth < 36_000 && one.ring < 64 && one.x.is_finite()));
     }
-    if let Ok(cloud) = formats::pcd::cloud_from_pcd(bytes) {
-        let bytes = formats::pcd::pcd_from_cloud(&cloud);
-        assert!(formats::pcd::cloud_from_pcd(&bytes).is_ok_and(|again| again.points.len() == cloud.points.len()));
+    if let Ok(cloud) = formats::pcd::raw_from_pcd(bytes) {
+        fired(&cloud);
+    }
+}
+
+/// Reads a cloud as the only one of a recording, from a drive and from another writer.
+fn fired(cloud: &RawCloud) {
+    for mut builder in [FormBuilder::for_drive(Some(0.1), Some(16)), FormBuilder::new(None, None)] {
+        if builder.add(cloud, Some(1_700_000_000_000_000_000)).is_err() {
+            continue;
+        }
+        let form = builder.finish();
+        let _ = cloud.check_extent(form.origin, 300.0);
+        assert!(IntensityScale::is_factor(form.intensities.factor));
+        if let Ok(fired) = form.fired(cloud, 1_700_000_000_000_000_000) {
+            assert_eq!(fired.points.len(), cloud.positions.len());
+            let bytes = formats::pcd::pcd_from_cloud(&fired);
+            assert!(formats::pcd::raw_from_pcd(&bytes).is_ok_and(|again| again.positions.len() == cloud.positions.len()));
+        }
     }
 }
 

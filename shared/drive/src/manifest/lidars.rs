@@ -29,6 +29,12 @@ pub struct LidarEntry {
     /// used.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub calibration: Option<String>,
+    /// Clouds: factor by which intensities are multiplied, so that they are 0 to 255. Without it, it is determined from the files.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub intensity_scale: Option<f64>,
+    /// Clouds with map coordinates: x y z in whole meters, subtracted from them. Without it, it is determined from the files.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub map_origin: Option<[i64; 3]>,
     /// Mounting.
     pub body_from_lidar: PoseEntry,
 }
@@ -44,6 +50,8 @@ impl LidarEntry {
             sender: None,
             port: None,
             calibration: None,
+            intensity_scale: None,
+            map_origin: None,
             body_from_lidar,
         }
     }

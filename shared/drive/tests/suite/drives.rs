@@ -2,9 +2,9 @@
 
 use drive::{Drive, Frame, TIMES_FILE};
 use files::problems::FileProblem;
-use formats::cloud::{CloudPoint, FiredPoint};
+use formats::cloud::{CloudPoint, FiredCloud, FiredPoint};
 use formats::nuscenes;
-use formats::pcd::{PcdCloud, pcd_from_cloud};
+use formats::pcd::pcd_from_cloud;
 use lidar::velodyne::Model;
 use std::fs;
 use std::path::Path;
@@ -197,7 +197,7 @@ fn cloud_files_with_times_are_sweeps_with_times() {
     let cloud = |last_nanos: u32| {
         let fired = |(ring, offset_nanos)| FiredPoint { point, ring, offset_nanos };
         let points = [(3, last_nanos), (63, 0), (1, 500)].map(fired).to_vec();
-        pcd_from_cloud(&PcdCloud { points, has_rings: true, has_times: true })
+        pcd_from_cloud(&FiredCloud { points, has_rings: true, has_times: true })
     };
     // The second ends 11 % after the third begins, the last has the duration of the previous one.
     let lasts = [109_000_000, 111_000_000, 99_000_000, 40_000_000];

@@ -39,11 +39,24 @@ pub enum PcdFault {
         limit: usize,
     },
     /// The encoding is not supported.
-    #[error("DATA {0:?} is not supported; expected ascii or binary")]
+    #[error("DATA {0:?} is not supported; expected ascii, binary or binary_compressed")]
     Encoding(String),
     /// Neither `POINTS` nor `WIDTH` and `HEIGHT` are given.
     #[error("neither POINTS nor WIDTH and HEIGHT are given before DATA")]
     NoCount,
+    /// The header contradicts itself.
+    #[error("POINTS {n_points}, but WIDTH {width} times HEIGHT {height}: the header contradicts itself")]
+    Size {
+        /// Value of `POINTS`.
+        n_points: usize,
+        /// Value of `WIDTH`.
+        width: usize,
+        /// Value of `HEIGHT`.
+        height: usize,
+    },
+    /// A field occurs twice.
+    #[error("field {0} occurs twice")]
+    Twice(String),
     /// The lists of the header differ in length.
     #[error("{fields} FIELDS, {sizes} SIZE, {types} TYPE, {counts} COUNT; expected equal numbers")]
     Lists {
@@ -87,6 +100,53 @@ pub enum PcdFault {
         /// Bytes found.
         found: usize,
     },
+    /// Binary data is longer than the header requires.
+    #[error(
+        "{n_points} points of {row_bytes} bytes are declared, {found} bytes follow: the header contradicts the data"
+    )]
+    BinaryLonger {
+        /// Points of the header.
+        n_points: usize,
+        /// Bytes of a row.
+        row_bytes: usize,
+        /// Bytes found.
+        found: usize,
+    },
+    /// The size of compressed data contradicts the header.
+    #[error("{n_points} points of {row_bytes} bytes are declared; the compressed data holds {found} bytes")]
+    CompressedLength {
+        /// Points of the header.
+        n_points: usize,
+        /// Bytes of a row.
+        row_bytes: usize,
+        /// Bytes stated before the compressed data.
+        found: usize,
+    },
+    /// Compressed data is cut.
+    #[error("{declared} bytes of compressed data are declared, {found} follow")]
+    CompressedTruncated {
+        /// Bytes declared.
+        declared: usize,
+        /// Bytes found.
+        found: usize,
+    },
+    /// Few bytes hold many points.
+    #[error("{n_points} points in {n_bytes} bytes of compressed data: no cloud is so small; the file is damaged")]
+    TooCompressed {
+        /// Points of the header.
+        n_points: usize,
+        /// Bytes of the compressed data.
+        n_bytes: usize,
+    },
+    /// Compressed data is damaged.
+    #[error(transparent)]
+    Lzf(#[from] super::LzfFault),
+    /// ASCII data has more points than the header.
+    #[error("{n_points} points are declared, more follow")]
+    AsciiLonger {
+        /// Points of the header.
+        n_points: usize,
+    },
     /// ASCII data has fewer points than the header.
     #[error("{n_points} points are declared, {found} follow")]
     AsciiTruncated {
@@ -102,26 +162,6 @@ pub enum PcdFault {
         found: usize,
         /// Values by the header.
         expected: usize,
-    },
-    /// A ring is not a beam number.
-    #[error("point {index}: ring {found} must be a whole number from 0 to 255")]
-    Ring {
-        /// Index of the point.
-        index: usize,
-        /// The value found.
-        found: f64,
-    },
-    /// A time is before the sweep's stamp or too late.
-    #[error("point {index}: {field} {found} must be a time after the sweep's stamp, 0 to 4 s ({unit})")]
-    Time {
-        /// Index of the point.
-        index: usize,
-        /// `t` or `time`.
-        field: &'static str,
-        /// The value found.
-        found: f64,
-        /// Unit of the field.
-        unit: &'static str,
     },
     /// A value is not a number.
     #[error("{0:?} is not a number")]

@@ -1,59 +1,74 @@
 //! The text header.
 
 use super::error::{PcdError, PcdFault};
+use crate::cloud_fields::{Field, ValueType};
 
 /// Longest header that is read, lines. Real headers have about a dozen.
 const MAX_HEADER_LINES: usize = 64;
 /// Most values of a row, over all fields and counts.
 const MAX_ROW_VALUES: usize = 4096;
-/// Fields that are read.
-const WANTED: [&str; N_WANTED] = ["x", "y", "z", "intensity", "ring", "t", "time"];
 /// Number of the fields that are read.
-pub(super) const N_WANTED: usize = 7;
+pub(super) const N_WANTED: usize = Field::ALL.len();
+
+/// Encoding of the rows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Encoding {
+    Ascii,
+    Binary,
+    /// One block for each field, compressed as one.
+    Compressed,
+}
 
 /// Type and position of a value in a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Value {
-    kind: u8,
-    size: usize,
+    pub(super) value_type: ValueType,
     /// Offset in a binary row.
-    offset: usize,
+    pub(super) offset: usize,
+    /// Bytes of the field in a binary row: more than of the value if it is the first of several.
+    pub(super) stride: usize,
     /// Index of the word in an ASCII row.
     pub(super) word: usize,
 }
 
 #[derive(Debug)]
 pub(super) struct Header {
-    /// Values in the order of [`WANTED`]. x y z are present.
+    /// Values in the order of [`Field::ALL`]. x y z are present.
     pub(super) values: [Option<Value>; N_WANTED],
+    /// Names of the values; empty for absent ones.
+    pub(super) names: [String; N_WANTED],
     pub(super) row_bytes: usize,
     pub(super) row_words: usize,
     pub(super) n_points: usize,
-    pub(super) is_binary: bool,
+    pub(super) encoding: Encoding,
     /// Lines of the header.
     pub(super) n_lines: usize,
     /// Bytes of the header.
     pub(super) n_bytes: usize,
 }
 
+/// Positions of the values in a row.
+#[derive(Default)]
+struct RowLayout {
+    values: [Option<Value>; N_WANTED],
+    names: [String; N_WANTED],
+    row_bytes: usize,
+    row_words: usize,
+}
+
 impl Value {
-    /// The value in a binary row. [`Header::parse`] ensures that it lies inside the row.
-    pub(super) fn decode(self, row: &[u8]) -> f64 {
-        let bytes = &row[self.offset..self.offset + self.size];
-        let mut wide = [0; 8];
-        wide[..self.size].copy_from_slice(bytes);
-        let unsigned = u64::from_le_bytes(wide);
-        let unused_bits = 64 - 8 * self.size as u32;
-        match (self.kind, self.size) {
-            (b'F', 4) => f64::from(f32::from_bits(unsigned as u32)),
-            (b'F', _) => f64::from_bits(unsigned),
-            (b'I', _) => ((unsigned << unused_bits) as i64 >> unused_bits) as f64,
-            _ => unsigned as f64,
-        }
+    /// The value at this offset. [`Header::parse`] ensures that it lies inside the row.
+    pub(super) fn decode(self, bytes: &[u8], at: usize) -> f64 {
+        self.value_type.decode(bytes.get(at..).unwrap_or_default(), false)
     }
 }
 
 impl Header {
+    /// An error of the data: at the last line of the header.
+    pub(super) fn error(&self, fault: PcdFault) -> PcdError {
+        PcdError { line: self.n_lines, fault }
+    }
+
     pub(super) fn parse(bytes: &[u8]) -> Result<Self, PcdError> {
         let mut fields = Vec::new();
         let mut sizes = Vec::new();
@@ -68,7 +83,12 @@ impl Header {
             let rest = bytes.get(at..).unwrap_or_default();
             let length = rest.iter().position(|byte| *byte == b'\n');
             let length = length.ok_or_else(|| error(PcdFault::HeaderTruncated))?;
-            let text = std::str::from_utf8(&rest[..length]).map_err(|_| error(PcdFault::NotText))?;
+            let text = match std::str::from_utf8(&rest[..length]) {
+                Ok(text) => text,
+                // Comments have any encoding.
+                Err(_) if rest.starts_with(b"#") => "",
+                Err(_) => return Err(error(PcdFault::NotText)),
+            };
             at += length + 1;
             let mut words = text.split_ascii_whitespace();
             let keyword = words.next().unwrap_or_default();
@@ -80,7 +100,7 @@ impl Header {
                 word.ok_or_else(|| error(PcdFault::Count { keyword, found }))
             };
             match keyword {
-                "FIELDS" => fields = words.iter().map(|word| (*word).to_owned()).collect(),
+                "FIELDS" | "COLUMNS" => fields = words.iter().map(|word| (*word).to_owned()).collect(),
                 "SIZE" => sizes = integers(&words).map_err(error)?,
                 "COUNT" => counts = integers(&words).map_err(error)?,
                 "TYPE" => kinds = words.iter().map(|word| (*word).to_owned()).collect(),
@@ -88,17 +108,27 @@ impl Header {
                 "HEIGHT" => height = Some(count()?),
                 "POINTS" => n_points = Some(count()?),
                 "DATA" => {
-                    let is_binary = match words.first() {
-                        Some(&"binary") => true,
-                        Some(&"ascii") => false,
+                    let encoding = match words.first() {
+                        Some(&"binary") => Encoding::Binary,
+                        Some(&"ascii") => Encoding::Ascii,
+                        Some(&"binary_compressed") => Encoding::Compressed,
                         other => {
                             return Err(error(PcdFault::Encoding(other.copied().unwrap_or_default().to_owned())));
                         }
                     };
-                    let n_points = n_points.or(width.zip(height).and_then(|(w, h)| w.checked_mul(h)));
+                    let size = width.zip(height);
+                    if let (Some(n_points), Some((width, height))) = (n_points, size)
+                        && usize::checked_mul(width, height) != Some(n_points)
+                    {
+                        return Err(error(PcdFault::Size { n_points, width, height }));
+                    }
+                    let n_points = n_points.or(size.and_then(|(width, height)| width.checked_mul(height)));
                     let n_points = n_points.ok_or_else(|| error(PcdFault::NoCount))?;
-                    let (values, row_bytes, row_words) = layout(&fields, &sizes, &kinds, &counts).map_err(error)?;
-                    return Ok(Self { values, row_bytes, row_words, n_points, is_binary, n_lines: line, n_bytes: at });
+                    let RowLayout { values, names, row_bytes, row_words } =
+                        layout(&fields, &sizes, &kinds, &counts).map_err(error)?;
+                    let n_lines = line;
+                    let n_bytes = at;
+                    return Ok(Self { values, names, row_bytes, row_words, n_points, encoding, n_lines, n_bytes });
                 }
                 // VERSION, VIEWPOINT, comments and unknown keywords are ignored.
                 _ => {}
@@ -116,13 +146,7 @@ fn integers(words: &[&str]) -> Result<Vec<usize>, PcdFault> {
     words.iter().map(integer).collect()
 }
 
-/// Positions of the values that are read, bytes of a row and words of a row.
-fn layout(
-    fields: &[String],
-    sizes: &[usize],
-    kinds: &[String],
-    counts: &[usize],
-) -> Result<([Option<Value>; N_WANTED], usize, usize), PcdFault> {
+fn layout(fields: &[String], sizes: &[usize], kinds: &[String], counts: &[usize]) -> Result<RowLayout, PcdFault> {
     if sizes.len() != fields.len()
         || kinds.len() != fields.len()
         || !(counts.is_empty() || counts.len() == fields.len())
@@ -133,34 +157,50 @@ fn layout(
         let counts = counts.len();
         return Err(PcdFault::Lists { fields, sizes, types, counts });
     }
-    let mut values = [None; N_WANTED];
-    let mut row_bytes = 0;
-    let mut row_words = 0;
+    let mut found = RowLayout::default();
+    let mut all = Vec::new();
     for (index, field) in fields.iter().enumerate() {
         let size = sizes[index];
         let count = counts.get(index).copied().unwrap_or(1);
-        let kind = kinds[index].bytes().next().unwrap_or_default();
-        let is_known = match kind {
-            b'F' => matches!(size, 4 | 8),
-            b'I' | b'U' => matches!(size, 1 | 2 | 4 | 8),
-            _ => false,
-        };
-        if !is_known {
-            return Err(PcdFault::Type { field: field.clone(), kind: kinds[index].clone(), size });
+        let value_type = value_type(&kinds[index], size);
+        let value_type =
+            value_type.ok_or_else(|| PcdFault::Type { field: field.clone(), kind: kinds[index].clone(), size })?;
+        // Fields without values have no place in a row.
+        let name = if count == 0 { "" } else { field.as_str() };
+        all.push((name, Value { value_type, offset: found.row_bytes, stride: size * count, word: found.row_words }));
+        found.row_bytes += size * count;
+        found.row_words += count;
+    }
+    if found.row_words > MAX_ROW_VALUES {
+        return Err(PcdFault::RowLength { found: found.row_words, limit: MAX_ROW_VALUES });
+    }
+    let names = || all.iter().map(|(name, _)| *name);
+    for field in Field::ALL {
+        let Some(index) = field.find(names()) else { continue };
+        if names().filter(|name| *name == all[index].0).count() > 1 {
+            return Err(PcdFault::Twice(all[index].0.to_owned()));
         }
-        if let Some(place) = WANTED.iter().position(|wanted| wanted == field)
-            && count > 0
-        {
-            values[place] = Some(Value { kind, size, offset: row_bytes, word: row_words });
-        }
-        row_bytes += size * count;
-        row_words += count;
+        found.values[field as usize] = Some(all[index].1);
+        found.names[field as usize] = all[index].0.to_owned();
     }
-    if row_words > MAX_ROW_VALUES {
-        return Err(PcdFault::RowLength { found: row_words, limit: MAX_ROW_VALUES });
+    match found.values[..3].iter().position(Option::is_none) {
+        None => Ok(found),
+        Some(missing) => Err(PcdFault::MissingField(Field::ALL[missing].names()[0])),
     }
-    match values[..3].iter().position(Option::is_none) {
-        None => Ok((values, row_bytes, row_words)),
-        Some(missing) => Err(PcdFault::MissingField(WANTED[missing])),
-    }
+}
+
+fn value_type(kind: &str, size: usize) -> Option<ValueType> {
+    Some(match (kind.bytes().next()?, size) {
+        (b'F', 4) => ValueType::F32,
+        (b'F', 8) => ValueType::F64,
+        (b'I', 1) => ValueType::I8,
+        (b'I', 2) => ValueType::I16,
+        (b'I', 4) => ValueType::I32,
+        (b'I', 8) => ValueType::I64,
+        (b'U', 1) => ValueType::U8,
+        (b'U', 2) => ValueType::U16,
+        (b'U', 4) => ValueType::U32,
+        (b'U', 8) => ValueType::U64,
+        _ => return None,
+    })
 }

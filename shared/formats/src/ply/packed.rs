@@ -2,8 +2,11 @@
 //! the scalars are packed as in a plain file.
 
 use super::{PayloadFault, PlyError};
+use crate::cloud_fields::number;
 use ply_rs::parser::{ParseError, Parser};
-use ply_rs::ply::{ElementDef, Encoding, Header, Property, PropertyAccess, PropertyAccessResult};
+use ply_rs::ply::{
+    ElementDef, Encoding, Header, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType,
+};
 use std::path::Path;
 use std::str::Utf8Error;
 
@@ -85,5 +88,42 @@ fn ascii_row(parser: &Parser<PackedRow>, rest: &mut &[u8], element: &ElementDef)
     let (line, after) = rest.split_at(end);
     *rest = after;
     let line = std::str::from_utf8(line).map_err(RowError::NotText)?;
+    // ply-rs reads digits only: neither nan nor inf.
+    if line.contains(['n', 'N', '#'])
+        && let Some(row) = row_with_nans(line, element)
+    {
+        return Ok(row);
+    }
     parser.read_ascii_element(line, element).map_err(RowError::Parse)
+}
+
+/// A row with invalid numbers. `None` if it has another fault, or more or fewer values than its element.
+fn row_with_nans(line: &str, element: &ElementDef) -> Option<PackedRow> {
+    let mut row = PackedRow::new();
+    let mut words = line.split_ascii_whitespace();
+    for property in element.properties.values() {
+        let scalar = match &property.data_type {
+            PropertyType::Scalar(scalar) => scalar,
+            PropertyType::List(..) => {
+                let n: usize = words.next()?.parse().ok()?;
+                for _ in 0..n {
+                    words.next()?;
+                }
+                continue;
+            }
+        };
+        let word = words.next()?;
+        let value = match scalar {
+            ScalarType::Char => Property::Char(word.parse().ok()?),
+            ScalarType::UChar => Property::UChar(word.parse().ok()?),
+            ScalarType::Short => Property::Short(word.parse().ok()?),
+            ScalarType::UShort => Property::UShort(word.parse().ok()?),
+            ScalarType::Int => Property::Int(word.parse().ok()?),
+            ScalarType::UInt => Property::UInt(word.parse().ok()?),
+            ScalarType::Float => Property::Float(word.parse().ok().or_else(|| number(word).map(|value| value as f32))?),
+            ScalarType::Double => Property::Double(number(word)?),
+        };
+        row.set_property(&property.name, value);
+    }
+    words.next().is_none().then_some(row)
 }

@@ -3,6 +3,7 @@
 use super::{Header, HeaderFault, Kind, PayloadFault, PlyError, Property, PropertyFault, packed};
 use ply_rs::parser::{Parser, Reader};
 use ply_rs::ply::{DefaultElement, ElementDef, Encoding, PropertyType};
+use std::borrow::Cow;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -186,6 +187,8 @@ pub(super) fn header_len(bytes: &[u8], path: &Path) -> Result<usize, PlyError> {
 }
 
 pub(super) fn parse_header(bytes: &[u8], path: &Path) -> Result<ply_rs::ply::Header, PlyError> {
+    let text = utf8_header(bytes);
+    let bytes = &*text;
     let head = Parser::<DefaultElement>::new()
         .read_header(&mut Reader::new(bytes))
         .map_err(|error| PlyError::header(path, error.line().unwrap_or(1), HeaderFault::Parser(error.to_string())))?;
@@ -197,6 +200,24 @@ pub(super) fn parse_header(bytes: &[u8], path: &Path) -> Result<ply_rs::ply::Hea
         return Err(PlyError::header(path, 1, HeaderFault::DuplicateName));
     }
     Ok(head)
+}
+
+/// The header with comments in Latin-1 as UTF-8.
+fn utf8_header(bytes: &[u8]) -> Cow<'_, [u8]> {
+    if std::str::from_utf8(bytes).is_ok() {
+        return Cow::Borrowed(bytes);
+    }
+    let mut text = Vec::new();
+    for line in bytes.split_inclusive(|byte| *byte == b'\n') {
+        let is_text = [&b"comment"[..], b"obj_info"].iter().any(|keyword| line.starts_with(keyword));
+        if is_text && std::str::from_utf8(line).is_err() {
+            // Each byte of Latin-1 is the code of its letter.
+            text.extend(line.iter().map(|byte| char::from(*byte)).collect::<String>().into_bytes());
+        } else {
+            text.extend_from_slice(line);
+        }
+    }
+    Cow::Owned(text)
 }
 
 /// The scalar columns of an element.

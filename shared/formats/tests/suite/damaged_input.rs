@@ -1,9 +1,10 @@
 //! No reader panics or hangs on damaged bytes.
 
 use damage::{attack, seed};
-use formats::cloud::{CloudPoint, FiredPoint};
+use formats::cloud::{CloudPoint, FiredCloud, FiredPoint};
+use formats::cloud_fields::FormBuilder;
 use formats::ladybug::LadybugCalibration;
-use formats::pcd::{PcdCloud, cloud_from_pcd, pcd_from_cloud};
+use formats::pcd::{pcd_from_cloud, raw_from_pcd};
 use formats::pgm::{Pgm, pgm_from_samples};
 use formats::sensor_calibration::SensorCalibration;
 use formats::tiff::Tiff;
@@ -18,9 +19,13 @@ use geometry::{Pose, Trajectory};
 fn damaged_clouds_and_images_do_not_panic() {
     let points: Vec<CloudPoint> = (0..100).map(|i| CloudPoint { x: i as f32, ..CloudPoint::default() }).collect();
     let fired = |i: u8| FiredPoint { point: points[usize::from(i)], ring: i, offset_nanos: u32::from(i) * 1_000_000 };
-    let timed = pcd_from_cloud(&PcdCloud { points: (0..100).map(fired).collect(), has_rings: true, has_times: true });
+    let timed = pcd_from_cloud(&FiredCloud { points: (0..100).map(fired).collect(), has_rings: true, has_times: true });
     attack(11, 5000, &timed, |bytes| {
-        if let Ok(cloud) = cloud_from_pcd(bytes) {
+        let Ok(raw) = raw_from_pcd(bytes) else { return };
+        let mut builder = FormBuilder::for_drive(Some(0.1), None);
+        if builder.add(&raw, Some(0)).is_ok()
+            && let Ok(cloud) = builder.finish().fired(&raw, 0)
+        {
             assert!(cloud.points.iter().all(|p| p.offset_nanos <= 4_000_000_000 && (cloud.has_rings || p.ring == 0)));
         }
     });

@@ -288,3 +288,17 @@ fn damaged_files_do_not_panic() {
     }
     assert!(read > 1000 && refused > 1000, "{read} read, {refused} refused: the mutations test one side only");
 }
+
+#[test]
+fn invalid_numbers_of_windows_and_comments_in_latin1_are_read() {
+    let file = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nend_header\n\
+        -nan(ind) 1.0\n-1.#IND00 1.#QNAN0\n2 3\n";
+    let cloud = Vertices::decode(file.as_bytes().to_vec(), Path::new("nan.ply")).expect("decodes");
+    let xs = cloud.f64s("x").expect("is there");
+    assert!(xs[0].is_nan() && xs[1].is_nan() && xs[2] == 2.0, "{xs:?}");
+    let [head, rest] =
+        ["ply\nformat binary_little_endian 1.0\ncomment Stra", "e\nelement vertex 1\nproperty float x\nend_header\n"];
+    let file = [head.as_bytes(), &[0xdf], rest.as_bytes(), &1.5_f32.to_le_bytes()].concat();
+    let cloud = Vertices::decode(file, Path::new("latin1.ply")).expect("decodes");
+    assert_eq!((cloud.f64s("x").expect("is there"), cloud.comments()[0].as_str()), (vec![1.5], "Straße"));
+}

@@ -2,9 +2,9 @@
 //! stamp is the middle of the revolution.
 
 use crate::error::{At, ImportError};
-use crate::rings::{Elevations, Rings};
-use formats::cloud::{CloudPoint, FiredPoint, check_points};
-use formats::pcd::{PcdCloud, pcd_from_cloud};
+use formats::cloud::{CloudPoint, FiredCloud, FiredPoint, check_points};
+use formats::cloud_fields::{Elevations, Rings};
+use formats::pcd::pcd_from_cloud;
 use lidar::SweepReader;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -84,6 +84,6 @@ impl SweepFile {
             };
             points.push(FiredPoint { point: *point, ring, offset_nanos: (time - self.begin) as u32 });
         }
-        Ok(pcd_from_cloud(&PcdCloud { points, has_rings: rings.is_some(), has_times: true }))
+        Ok(pcd_from_cloud(&FiredCloud { points, has_rings: rings.is_some(), has_times: true }))
     }
 }

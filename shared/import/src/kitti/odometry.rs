@@ -3,9 +3,9 @@
 use super::calibration::Calibration;
 use super::sweeps::{self, KittiSweeps, lidar};
 use super::{CAMERA_CHOICES, EXPOSURE_NANOS, labels};
-use crate::cameras::{self, Camera, png_size};
+use crate::cameras::{self, Camera, image_size};
 use crate::error::{At, ImportError};
-use crate::files::files;
+use crate::files::image_end;
 use crate::numbered::Stamps;
 use crate::plan::Plan;
 use crate::times::nanos_of_seconds;
@@ -63,7 +63,7 @@ impl Others {
         }
         for choice in CAMERA_CHOICES {
             for number in choice {
-                if !files(&source.join(format!("image_{number}")), ".png")?.is_empty() {
+                if image_end(&source.join(format!("image_{number}")))?.is_some() {
                     others.cameras.push(number);
                 }
             }
@@ -111,9 +111,10 @@ fn camera(
     body_from_rectified: &Pose,
 ) -> Result<Camera, ImportError> {
     let name = format!("image_{number}");
-    let stamped = stamps.files(&source.join(&name), ".png")?;
-    let first = stamped.first().ok_or_else(|| ImportError::at(&source.join(&name), "has no images *.png"))?;
-    let size = png_size(&first.path)?;
+    let folder = source.join(&name);
+    let stamped = stamps.files(&folder, image_end(&folder)?.unwrap_or(".png"))?;
+    let first = stamped.first().ok_or_else(|| ImportError::at(&folder, "has no images *.png or *.jpg"))?;
+    let size = image_size(&first.path)?;
     let projection = calibration.projection(&format!("P{number}"))?;
     Ok(Camera {
         name,

@@ -5,9 +5,9 @@
 use super::calibration::Calibration;
 use super::sweeps::{self, lidar};
 use super::{CAMERA_CHOICES, EXPOSURE_NANOS, oxts};
-use crate::cameras::{self, Camera, png_size};
+use crate::cameras::{self, Camera, image_size};
 use crate::error::{At, ImportError};
-use crate::files::files;
+use crate::files::{files, image_end};
 use crate::numbered::Stamps;
 use crate::plan::Plan;
 use crate::times::nanos_of_date;
@@ -62,7 +62,7 @@ fn camera_numbers(source: &Path) -> Result<Vec<usize>, ImportError> {
     for choice in CAMERA_CHOICES {
         let mut found = Vec::new();
         for number in choice {
-            if !files(&images(source, number), ".png")?.is_empty() {
+            if image_end(&images(source, number))?.is_some() {
                 found.push(number);
             }
         }
@@ -87,12 +87,13 @@ fn camera(
     let name = format!("image_{number:02}");
     let times = source.join(&name).join("timestamps.txt");
     let stamps = Stamps::read(&times, nanos_of_date)?;
-    let stamped = stamps.files(&images(source, number), ".png")?;
+    let folder = images(source, number);
+    let stamped = stamps.files(&folder, image_end(&folder)?.unwrap_or(".png"))?;
     read.push(times);
     let projection = calibration.projection(&format!("P_rect_{number:02}"))?;
     let size = calibration.numbers::<2>(&format!("S_rect_{number:02}"))?.map(|side| side as u32);
     if let Some(first) = stamped.first() {
-        let [width, height] = png_size(&first.path)?;
+        let [width, height] = image_size(&first.path)?;
         if [width, height] != size {
             let [w, h] = size;
             let file = calibration.path().display();

@@ -1,9 +1,9 @@
 //! Sweeps cut from chunks of points.
 
 use crate::error::ImportError;
-use crate::las::{LasPoint, each_block};
-use formats::cloud::{CloudPoint, FiredPoint};
-use formats::pcd::{PcdCloud, pcd_from_cloud};
+use crate::las::each_block;
+use formats::cloud::{CloudPoint, FiredCloud, FiredPoint};
+use formats::pcd::pcd_from_cloud;
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -75,7 +75,7 @@ impl Chunks {
         points.sort_by_key(|(nanos, _)| *nanos);
         let fired = |(nanos, point)| FiredPoint { point, ring: 0, offset_nanos: (nanos - sweep.stamp) as u32 };
         let points = points.into_iter().map(fired).collect();
-        Ok(pcd_from_cloud(&PcdCloud { points, has_rings: false, has_times: true }))
+        Ok(pcd_from_cloud(&FiredCloud { points, has_rings: false, has_times: true }))
     }
 }
 
@@ -91,14 +91,14 @@ fn sorted(path: &Path) -> Result<Vec<(i64, CloudPoint)>, ImportError> {
 fn each_point(path: &Path, mut take: impl FnMut(i64, &CloudPoint)) -> Result<(), ImportError> {
     let mut index = 0_u64;
     each_block(path, |block| {
-        for LasPoint { point, time_s } in block {
+        for las_point in block {
             // Points without times are refused as well.
-            let time_s = time_s.unwrap_or(f64::NAN);
+            let time_s = las_point.time_s.unwrap_or(f64::NAN);
             if !(0.0..MAX_TIME_S).contains(&time_s) {
                 let rule = format!("point {index} has the time {time_s} s; it must be 0 to {MAX_TIME_S}");
                 return Err(ImportError::at(path, rule));
             }
-            take((time_s * 1e9).round() as i64, point);
+            take((time_s * 1e9).round() as i64, &las_point.point());
             index += 1;
         }
         Ok(())

@@ -9,7 +9,7 @@ pub(crate) use livox::livox_points;
 /// A point as stored in the message.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct RawPoint {
-    pub position: [f32; 3],
+    pub position: [f64; 3],
     pub intensity: f32,
     /// Number of the beam as counted by the driver.
     pub ring: Option<u16>,

@@ -4,4 +4,4 @@ mod capture;
 mod sweeps;
 
 pub(crate) use capture::Capture;
-pub(crate) use sweeps::{FieldNames, Sweeps};
+pub(crate) use sweeps::{FieldNames, FinishedSweeps, Sweeps};

@@ -17,6 +17,7 @@ use super::roles::{Role, Roles};
 use crate::Options;
 use crate::error::{At, ImportError};
 use crate::sweeps::LIDAR_FOLDER;
+use formats::cloud_fields::ValueType;
 use lidar::ouster;
 use lidar::velodyne::DATA_PORT;
 use std::collections::BTreeMap;
@@ -270,15 +271,16 @@ impl<'a> Writers<'a> {
             LidarWriter::Clouds(sweeps) => {
                 let cloud = Fields::read(c).map_err(fault)?;
                 let stamp = stamp(&mut self.n_unstamped, &cloud.header, message);
+                let position_type = cloud.position_type();
+                sweeps.add(stamp, cloud.height, position_type, cloud.points())?;
                 lidar.fields = FieldNames { time: cloud.time_name, ring: cloud.ring_name, n_rows: cloud.height };
-                sweeps.add(stamp, cloud.height, cloud.points())?;
                 Some(cloud.header.frame)
             }
             LidarWriter::Livox(sweeps) => {
                 let (header, points) = livox_points(c).map_err(fault)?;
                 let stamp = stamp(&mut self.n_unstamped, &header, message);
-                lidar.fields = FieldNames { time: Some("offset_time"), ring: None, n_rows: 1 };
-                sweeps.add(stamp, 1, points.into_iter())?;
+                lidar.fields = FieldNames { time: Some("offset_time".to_owned()), ring: None, n_rows: 1 };
+                sweeps.add(stamp, 1, ValueType::F32, points.into_iter())?;
                 Some(header.frame)
             }
             LidarWriter::Packets(kind, capture) => {

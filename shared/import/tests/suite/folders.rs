@@ -20,7 +20,10 @@ fn kitti_raw_folder_becomes_drive_of_links_and_lists_what_is_left_out() {
     let folder = folder();
     let raw = folder.path().join("day/raw");
     for k in 0..3 {
-        write_file(&raw.join(format!("velodyne_points/data/{k:010}.bin")), [0; 32]);
+        write_file(
+            &raw.join(format!("velodyne_points/data/{k:010}.bin")),
+            [5.0_f32, 0.0, 0.0, 0.5].map(f32::to_le_bytes).concat(),
+        );
         write_file(&raw.join(format!("image_02/data/{k:010}.png")), "");
     }
     let dates = "2011-09-26 13:02:25.9\n2011-09-26 13:02:26.0\n2011-09-26 13:02:26.125\n";

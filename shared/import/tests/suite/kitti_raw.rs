@@ -56,7 +56,10 @@ fn drive(folder: &TempDir) -> PathBuf {
         write_file(&raw.join(sensor).join("timestamps.txt"), stamps(late));
     }
     for k in 0..4 {
-        write_file(&raw.join(format!("velodyne_points/data/{k:010}.bin")), [0; 32]);
+        write_file(
+            &raw.join(format!("velodyne_points/data/{k:010}.bin")),
+            [5.0_f32, 0.0, 0.0, 0.5].map(f32::to_le_bytes).concat(),
+        );
         for camera in ["image_00", "image_02", "image_03"] {
             write_file(&raw.join(format!("{camera}/data/{k:010}.png")), png(1242, 375));
         }
@@ -213,7 +216,7 @@ fn damaged_kitti_raw_is_refused_with_file_and_rule() {
         (
             "png",
             |raw| write_file(&raw.join("image_02/data/0000000000.png"), "GIF"),
-            "0000000000.png: is not a PNG image",
+            "0000000000.png: is neither a PNG nor a JPEG image",
         ),
         ("more images", |raw| write_file(&raw.join("image_02/data/0000000004.png"), ""), "has number 4, but"),
         (

@@ -1,6 +1,7 @@
 //! All tests of the crate's public interface in one program.
 
 mod boreas;
+mod cloud_dialects;
 mod clouds;
 mod folders;
 mod kitti_odometry;

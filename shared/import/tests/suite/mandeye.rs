@@ -206,9 +206,23 @@ fn damaged_las_files_are_refused_at_each_length_and_byte() {
         "{}",
         error(&import)
     );
-    let map: Vec<Row> = vec![([150_000.0, 0.0, 0.0], 1, 0.0)];
-    write_file(&path, las(&map, false));
-    assert!(error(&import).contains("0.las: a point is at 150000 0 0 m; sweeps must be in the frame of the LiDAR"));
+    for (change, rule) in [
+        (|bytes: &mut Vec<u8>| bytes[131..139].fill(0), "0.las: the scale of x is 0"),
+        (
+            |bytes: &mut Vec<u8>| bytes[107..111].copy_from_slice(&0_u32.to_le_bytes()),
+            "0.las: the header states 0 points of 28 bytes; the file holds 300",
+        ),
+        (
+            |bytes: &mut Vec<u8>| bytes[107..111].copy_from_slice(&200_u32.to_le_bytes()),
+            "0.las: the header states 200 points of 28 bytes; the file holds 300",
+        ),
+    ] as [(fn(&mut Vec<u8>), &str); 3]
+    {
+        let mut bytes = whole.clone();
+        change(&mut bytes);
+        write_file(&path, bytes);
+        assert!(error(&import).contains(rule), "{rule}: {}", error(&import));
+    }
     let mut bytes = whole.clone();
     bytes[104] = 0x86;
     write_file(&path, bytes);

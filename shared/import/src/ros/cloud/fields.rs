@@ -3,12 +3,8 @@
 use super::RawPoint;
 use crate::ros::cursor::{Cursor, MessageFault};
 use crate::ros::messages::Header;
+use formats::cloud_fields::{Field, ValueType};
 
-/// Names of each value, the preferred name first.
-const POSITION: [&str; 3] = ["x", "y", "z"];
-const INTENSITY: [&str; 3] = ["intensity", "reflectivity", "i"];
-const RING: [&str; 5] = ["ring", "channel", "line", "laser_id", "laserId"];
-const TIME: [&str; 6] = ["t", "time", "timestamp", "time_stamp", "offset_time", "point_time"];
 /// Maximum number of fields of a cloud; real ones have a dozen.
 const MAX_FIELDS: usize = 256;
 
@@ -27,9 +23,9 @@ pub(crate) struct Fields<'a> {
     /// Rows; sensors with fixed beams often have one per beam.
     pub height: u32,
     /// Name of the field of the times.
-    pub time_name: Option<&'static str>,
+    pub time_name: Option<String>,
     /// Name of the field of the rings.
-    pub ring_name: Option<&'static str>,
+    pub ring_name: Option<String>,
     position: [Value; 3],
     intensity: Option<Value>,
     ring: Option<Value>,
@@ -41,34 +37,25 @@ pub(crate) struct Fields<'a> {
     data: &'a [u8],
 }
 
-/// Bytes of a value.
-fn size(datatype: u8) -> Option<usize> {
-    match datatype {
-        1 | 2 => Some(1),
-        3 | 4 => Some(2),
-        5..=7 => Some(4),
-        8 => Some(8),
-        _ => None,
-    }
+/// The type of this number in `sensor_msgs/PointField`.
+fn value_type(datatype: u8) -> Option<ValueType> {
+    Some(match datatype {
+        1 => ValueType::I8,
+        2 => ValueType::U8,
+        3 => ValueType::I16,
+        4 => ValueType::U16,
+        5 => ValueType::I32,
+        6 => ValueType::U32,
+        7 => ValueType::F32,
+        8 => ValueType::F64,
+        _ => return None,
+    })
 }
 
 impl Value {
     fn decode(self, row: &[u8], is_big: bool) -> f64 {
-        let n = size(self.datatype).unwrap_or(0);
-        let mut bytes = [0; 8];
-        bytes[..n].copy_from_slice(&row[self.offset..self.offset + n]);
-        if is_big {
-            bytes[..n].reverse();
-        }
-        let unsigned = u64::from_le_bytes(bytes);
-        match self.datatype {
-            1 => f64::from(unsigned as i8),
-            3 => f64::from(unsigned as i16),
-            5 => f64::from(unsigned as i32),
-            7 => f64::from(f32::from_bits(unsigned as u32)),
-            8 => f64::from_bits(unsigned),
-            _ => unsigned as f64,
-        }
+        let bytes = row.get(self.offset..).unwrap_or_default();
+        value_type(self.datatype).map_or(f64::NAN, |value_type| value_type.decode(bytes, is_big))
     }
 }
 
@@ -94,31 +81,30 @@ impl<'a> Fields<'a> {
         let point_step = c.u32("point_step")? as usize;
         let row_step = c.u32("row_step")? as usize;
         let data = c.blob("data")?;
-        let find = |names: &[&'static str]| {
-            names.iter().find_map(|wanted| {
-                // Some drivers state a count of 0 for one value.
-                let found = fields.iter().find(|(name, _, count)| name == wanted && *count <= 1);
-                found.map(|(_, value, _)| (*wanted, *value))
-            })
+        let find = |field: Field| {
+            // Some drivers state a count of 0 for one value; a field of several values is another one.
+            let names = fields.iter().map(|(name, _, count)| if *count <= 1 { name.as_str() } else { "" });
+            field.find(names).map(|index| (fields[index].0.clone(), fields[index].1))
         };
         let mut position = [Value { offset: 0, datatype: 7 }; 3];
-        for (value, name) in position.iter_mut().zip(POSITION) {
+        for (value, field) in position.iter_mut().zip([Field::X, Field::Y, Field::Z]) {
             let names: Vec<&str> = fields.iter().map(|(name, ..)| name.as_str()).collect();
-            let missing = || MessageFault::Rule(format!("no field {name}; the fields are {}", names.join(", ")));
-            *value = find(&[name]).ok_or_else(missing)?.1;
+            let missing =
+                || MessageFault::Rule(format!("no field {}; the fields are {}", field.names()[0], names.join(", ")));
+            *value = find(field).ok_or_else(missing)?.1;
         }
-        let intensity = find(&INTENSITY);
-        let ring = find(&RING);
-        let time = find(&TIME);
+        let intensity = find(Field::Intensity).map(|(_, value)| value);
+        let (ring_name, ring) = find(Field::Ring).unzip();
+        let (time_name, time) = find(Field::Time).unzip();
         let cloud = Self {
             header,
             height,
-            time_name: time.map(|(name, _)| name),
-            ring_name: ring.map(|(name, _)| name),
+            time_name,
+            ring_name,
             position,
-            intensity: intensity.map(|(_, value)| value),
-            ring: ring.map(|(_, value)| value),
-            time: time.map(|(_, value)| value),
+            intensity,
+            ring,
+            time,
             is_big,
             point_step,
             row_step,
@@ -133,7 +119,7 @@ impl<'a> Fields<'a> {
     fn check(&self) -> Result<(), MessageFault> {
         let rule = |text: String| Err(MessageFault::Rule(text));
         for value in self.position.iter().chain(&self.intensity).chain(&self.ring).chain(&self.time) {
-            let Some(n) = size(value.datatype) else {
+            let Some(n) = value_type(value.datatype).map(ValueType::size) else {
                 return rule(format!("a field has datatype {}; must be 1 to 8", value.datatype));
             };
             if value.offset.saturating_add(n) > self.point_step {
@@ -154,6 +140,12 @@ impl<'a> Fields<'a> {
         Ok(())
     }
 
+    /// Least precise type of a coordinate.
+    pub fn position_type(&self) -> ValueType {
+        let types = self.position.iter().filter_map(|value| value_type(value.datatype));
+        types.reduce(|a, b| if b == ValueType::F32 { b } else { a }).unwrap_or(ValueType::F32)
+    }
+
     /// The points with coordinates that are numbers.
     pub fn points(&self) -> impl Iterator<Item = RawPoint> {
         let n_rows = if self.width == 0 { 0 } else { self.height as usize };
@@ -165,7 +157,7 @@ impl<'a> Fields<'a> {
     fn point(&self, row: &[u8]) -> RawPoint {
         let decode = |value: Value| value.decode(row, self.is_big);
         RawPoint {
-            position: self.position.map(|value| decode(value) as f32),
+            position: self.position.map(decode),
             intensity: self.intensity.map_or(0.0, decode) as f32,
             ring: self.ring.map(|value| decode(value) as u16),
             time: self.time.map(decode),

@@ -15,7 +15,7 @@ pub(crate) fn livox_points(c: &mut Cursor<'_>) -> Result<(Header, Vec<RawPoint>)
     let n = c.length("points", 19)?;
     let one = |c: &mut Cursor<'_>| {
         let time = Some(f64::from(c.u32("points.offset_time")?));
-        let position = [c.f32("points.x")?, c.f32("points.y")?, c.f32("points.z")?];
+        let position = [c.f32("points.x")?, c.f32("points.y")?, c.f32("points.z")?].map(f64::from);
         let intensity = f32::from(c.u8("points.reflectivity")?);
         let _tag = c.u8("points.tag")?;
         let _line = c.u8("points.line")?;

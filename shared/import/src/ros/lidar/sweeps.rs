@@ -2,12 +2,13 @@
 
 use crate::error::ImportError;
 use crate::plan::TextFile;
-use crate::point_times::TimeForm;
-use crate::rings::{Elevations, Rings, model_of_beams};
+use crate::rings::model_of_beams;
+use formats::cloud_fields::{Elevations, MapOrigin, RawCloud, Rings, TimeForm, ValueType};
+
 use crate::ros::cloud::RawPoint;
 use drive::TIMES_FILE;
-use formats::cloud::{CloudPoint, FiredPoint};
-use formats::pcd::{PcdCloud, pcd_from_cloud};
+use formats::cloud::{CloudPoint, FiredCloud, FiredPoint};
+use formats::pcd::pcd_from_cloud;
 use lidar::{Lidar, Model, SweepReader};
 use std::fs::File;
 use std::io::{ErrorKind, Write};
@@ -20,12 +21,11 @@ const EXAMINED: usize = 8;
 const MIN_RANGE_M: f32 = 0.1;
 /// Longest time from the first to the last point, ns.
 const MAX_SPAN_NANOS: i64 = 500_000_000;
-/// Largest intensity of a drive.
-const MAX_INTENSITY: f32 = 255.0;
 
 /// A cloud as stored in the message.
 struct Cloud {
     stamp: i64,
+    position_type: ValueType,
     points: Vec<RawPoint>,
 }
 
@@ -46,6 +46,19 @@ struct Decision {
     form: Option<TimeForm>,
     rings: Option<Rings>,
     model: Model,
+    /// Subtracted from map coordinates.
+    origin: Option<MapOrigin>,
+}
+
+/// The sweeps of a topic after all clouds were written.
+pub(crate) struct FinishedSweeps {
+    pub model: Model,
+    /// Subtracted from map coordinates.
+    pub origin: Option<MapOrigin>,
+    /// The file of the times.
+    pub times: TextFile,
+    /// Lines of the report.
+    pub report: Vec<String>,
 }
 
 #[derive(Default)]
@@ -54,8 +67,6 @@ struct Counts {
     same_stamp: u64,
     /// Clouds whose times do not fit into one sweep.
     bad_times: u64,
-    /// Points with an intensity above the maximum of a drive.
-    bright: u64,
     /// Points whose beam has no ring.
     without_ring: u64,
 }
@@ -67,7 +78,13 @@ impl Sweeps {
     }
 
     /// Adds a cloud. `n_rows`: rows of the message, which are beams if there is more than one.
-    pub fn add(&mut self, stamp: i64, n_rows: u32, points: impl Iterator<Item = RawPoint>) -> Result<(), String> {
+    pub fn add(
+        &mut self,
+        stamp: i64,
+        n_rows: u32,
+        position_type: ValueType,
+        points: impl Iterator<Item = RawPoint>,
+    ) -> Result<(), String> {
         let points: Vec<RawPoint> = points.filter(is_return).collect();
         if points.is_empty() {
             self.counts.empty += 1;
@@ -77,7 +94,7 @@ impl Sweeps {
         if points.len() > limit {
             return Err(format!("{} points; a sweep has at most {limit}", points.len()));
         }
-        let cloud = Cloud { stamp, points };
+        let cloud = Cloud { stamp, position_type, points };
         if self.decision.is_some() {
             return self.write(&cloud);
         }
@@ -90,16 +107,20 @@ impl Sweeps {
             .waiting
             .iter()
             .find_map(|cloud| time_range(cloud).and_then(|[a, b]| TimeForm::from_range(a, b, cloud.stamp)));
+        let mut origin = None;
+        for cloud in &self.waiting {
+            origin = origin.or(cloud.origin()?);
+        }
         let mut elevations = Elevations::default();
         for point in self.waiting.iter().flat_map(|cloud| &cloud.points) {
             if let Some(ring) = point.ring {
-                elevations.add(ring, point.position);
+                elevations.add(ring, relative(point.position, origin));
             }
         }
         let of_model = self.model.map(|model| Lidar::from(model).n_rings()).filter(|n| *n > 0);
         let rings = elevations.rings(of_model.and_then(|n| u16::try_from(n).ok()), n_rows);
         let model = self.model.unwrap_or_else(|| model_of_beams(rings.as_ref().map_or(0, Rings::n_rings)));
-        self.decision = Some(Decision { form, rings, model });
+        self.decision = Some(Decision { form, rings, model, origin });
         for cloud in std::mem::take(&mut self.waiting) {
             self.write(&cloud)?;
         }
@@ -124,8 +145,11 @@ impl Sweeps {
         if begin < 0 {
             return Err(format!("time {begin} ns is before 1970; must be a time since 1970"));
         }
+        if cloud.origin()?.is_some() && decision.origin.is_none() {
+            return Err("has map coordinates; the first clouds are in the frame of the LiDAR".to_owned());
+        }
+        let origin = cloud.origin()?.and(decision.origin);
         let mut points = Vec::with_capacity(times.len());
-        let mut n_bright = 0;
         let mut n_without = 0;
         for (point, time) in cloud.points.iter().zip(times) {
             let ring = match &decision.rings {
@@ -136,13 +160,11 @@ impl Sweeps {
                 n_without += 1;
                 continue;
             };
-            n_bright += u64::from(point.intensity > MAX_INTENSITY);
-            let [x, y, z] = point.position;
+            let [x, y, z] = relative(point.position, origin);
             let intensity = point.intensity;
             let offset_nanos = (time - begin) as u32;
             points.push(FiredPoint { point: CloudPoint { x, y, z, intensity }, ring, offset_nanos });
         }
-        self.counts.bright += n_bright;
         self.counts.without_ring += n_without;
         let has_rings = decision.rings.is_some();
         let has_times = decision.form.is_some();
@@ -155,20 +177,20 @@ impl Sweeps {
             }
             file => file.map_err(|error| format!("{}: {error}", path.display()))?,
         };
-        let bytes = pcd_from_cloud(&PcdCloud { points, has_rings, has_times });
+        let bytes = pcd_from_cloud(&FiredCloud { points, has_rings, has_times });
         file.write_all(&bytes).map_err(|error| format!("{}: {error}", path.display()))?;
         self.written.push((begin, (end - begin) as u32));
         Ok(())
     }
 
-    /// Writes the waiting clouds. Returns the model, the file of the times, and lines of the report.
+    /// Writes the waiting clouds.
     pub fn finish(
         mut self,
         source: &Path,
         topic: &str,
         place: &str,
         fields: &FieldNames,
-    ) -> Result<(Model, TextFile, Vec<String>), ImportError> {
+    ) -> Result<FinishedSweeps, ImportError> {
         if self.decision.is_none() {
             self.decide(fields.n_rows).map_err(|rule| ImportError::at_part(source, topic, rule))?;
         }
@@ -205,13 +227,12 @@ impl Sweeps {
             let model = decision.model.name();
             report.push(format!("clouds do not name the LiDAR: {model} is assumed, --model sets another"));
         }
-        let Counts { empty, same_stamp, bad_times, bright, without_ring } = self.counts;
+        let Counts { empty, same_stamp, bad_times, without_ring } = self.counts;
         for (n, what) in [
             (empty, "clouds without points are left out"),
             (same_stamp, "clouds with the stamp of another are left out"),
             (bad_times, "clouds whose times span more than 0.5 s are left out"),
             (n_overlapping, "sweeps end after the next one begins"),
-            (bright, "points have an intensity above 255, which becomes 255"),
             (without_ring, "points of unknown beams are left out"),
         ] {
             if n > 0 {
@@ -219,20 +240,36 @@ impl Sweeps {
             }
         }
         let file = TextFile { place: Path::new(place).join(TIMES_FILE), text: times.join("\n") + "\n" };
-        Ok((decision.model, file, report))
+        Ok(FinishedSweeps { model: decision.model, origin: decision.origin, times: file, report })
     }
+}
+
+impl Cloud {
+    /// Origin of map coordinates.
+    fn origin(&self) -> Result<Option<MapOrigin>, String> {
+        let positions = self.points.iter().map(|point| point.position).collect();
+        let cloud =
+            RawCloud { positions, position_type: self.position_type, intensities: None, beams: None, times: None };
+        cloud.map_origin().map_err(|fault| fault.to_string())
+    }
+}
+
+/// A position after the origin of the map is subtracted.
+fn relative(position: [f64; 3], origin: Option<MapOrigin>) -> [f32; 3] {
+    let MapOrigin(origin) = origin.unwrap_or(MapOrigin([0; 3]));
+    [0, 1, 2].map(|axis| (position[axis] - origin[axis] as f64) as f32)
 }
 
 /// Names of the fields of the clouds, for the report, and their rows.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct FieldNames {
-    pub time: Option<&'static str>,
-    pub ring: Option<&'static str>,
+    pub time: Option<String>,
+    pub ring: Option<String>,
     pub n_rows: u32,
 }
 
 fn is_return(point: &RawPoint) -> bool {
-    let [x, y, z] = point.position;
+    let [x, y, z] = point.position.map(|value| value as f32);
     let range_m = (x * x + y * y + z * z).sqrt();
     range_m.is_finite() && range_m > MIN_RANGE_M
 }

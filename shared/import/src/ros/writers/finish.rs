@@ -5,12 +5,14 @@ use crate::error::{At, ImportError};
 use crate::plan::{Link, TextFile};
 use crate::ros::bag::Topic;
 use crate::ros::camera::Camera;
+use crate::ros::lidar::FinishedSweeps;
 use crate::ros::packets::PacketsKind;
 use crate::ros::rig::Mountings;
 use crate::ros::roles::{Role, Roles};
 use crate::ros::{gnss, imu};
 use crate::{Kind, drive_name};
 use drive::manifest::{CameraEntry, GnssEntry, ImuEntry, LidarEntry, Manifest};
+use formats::cloud_fields::MapOrigin;
 use geometry::{Pose, UnitQuaternion, Vector3};
 use lidar::Model;
 use messages::MAX_LIDARS;
@@ -42,6 +44,7 @@ struct LidarPart {
     model: Model,
     format: &'static str,
     calibration: Option<String>,
+    map_origin: Option<[i64; 3]>,
     texts: Vec<TextFile>,
     report: Vec<String>,
     /// Rotation of the points of the drive in the frame of the messages.
@@ -84,7 +87,7 @@ impl Writers<'_> {
             let body_from_frame = rig.body_from(&frame(role)).map_err(|rule| ImportError::at(source, rule))?;
             let body_from_lidar = body_from_frame * lidar.frame_from_points;
             let entry = LidarEntry::new(lidar.model.name(), lidar.format, &folder, body_from_lidar.into());
-            entries.push(LidarEntry { name, calibration: lidar.calibration, ..entry });
+            entries.push(LidarEntry { name, calibration: lidar.calibration, map_origin: lidar.map_origin, ..entry });
             texts.extend(lidar.texts);
             report.extend(lidar.report);
         }
@@ -230,9 +233,11 @@ fn finish_lidar(
     let same_axes = Pose::identity().rotation;
     match writer {
         LidarWriter::Clouds(sweeps) | LidarWriter::Livox(sweeps) => {
-            let (model, times, report) = sweeps.finish(source, topic, &folder, &fields)?;
+            let FinishedSweeps { model, origin, times, report } = sweeps.finish(source, topic, &folder, &fields)?;
+            let map_origin = origin.map(|MapOrigin(origin)| origin);
             let texts = vec![times];
-            Ok(LidarPart { model, format: "pcd", calibration: None, texts, report, frame_from_points: same_axes })
+            let frame_from_points = same_axes;
+            Ok(LidarPart { model, format: "pcd", calibration: None, map_origin, texts, report, frame_from_points })
         }
         LidarWriter::Packets(kind, capture) => {
             let report = vec![format!("imported: {} packets from {topic}", capture.n_packets)];
@@ -246,7 +251,7 @@ fn finish_lidar(
             // Drivers of Hesai have y forward and x to the right.
             let quarter = UnitQuaternion::from_scaled_axis(Vector3::z() * std::f64::consts::FRAC_PI_2);
             let frame_from_points = if matches!(model, Model::Hesai(_)) { quarter } else { same_axes };
-            Ok(LidarPart { model, format: "pcap", calibration, texts, report, frame_from_points })
+            Ok(LidarPart { model, format: "pcap", calibration, map_origin: None, texts, report, frame_from_points })
         }
     }
 }

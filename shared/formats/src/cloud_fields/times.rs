@@ -29,7 +29,7 @@ enum Begin {
 
 /// Unit and origin of times.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct TimeForm {
+pub struct TimeForm {
     unit: &'static str,
     unit_nanos: f64,
     begin: Begin,
@@ -73,6 +73,27 @@ impl TimeForm {
         let rest = time.fract() * self.unit_nanos;
         let is_in_range = whole.abs() < 9.2e18;
         is_in_range.then(|| time.trunc() as i64 * self.unit_nanos as i64 + rest.round() as i64)
+    }
+
+    /// Times from the stamp in a unit; `None` for other words than `s`, `ms`, `us` and `ns`.
+    pub(super) fn in_unit(name: &str) -> Option<Self> {
+        let (unit, unit_nanos) = *UNITS.iter().find(|(unit, _)| *unit == name)?;
+        Some(Self { unit, unit_nanos, begin: Begin::Stamp })
+    }
+
+    /// A time after its origin, ns. `None` if it is not a time.
+    pub(super) fn offset_nanos(self, time: f64) -> Option<i64> {
+        self.whole_nanos(time)
+    }
+
+    /// Whether times count from the stamp.
+    pub(super) fn is_from_stamp(self) -> bool {
+        self.begin == Begin::Stamp
+    }
+
+    /// Whether times count from 1970.
+    pub(super) fn is_from_epoch(self) -> bool {
+        self.begin == Begin::Epoch
     }
 
     /// Name of the unit.
