@@ -2,6 +2,7 @@
 
 use doubts::Doubt;
 use drive::Missing;
+use formats::cloud_fields::{CloudForm, MapOrigin};
 use lidar::LidarStats;
 use lidar::nmea::LogStats;
 use serde::{Deserialize, Serialize};
@@ -143,6 +144,16 @@ impl Doubts {
     pub fn numbers(&mut self, missing: &Missing) {
         if let Some(first) = missing.texts.first() {
             self.add(Doubt::MissingFiles { n_files: missing.n_files, first: first.clone() });
+        }
+    }
+
+    /// Checks how the cloud files of a LiDAR are read.
+    pub fn clouds(&mut self, form: &CloudForm) {
+        if let Some(MapOrigin(origin)) = form.origin {
+            self.add(Doubt::MapCoordinates { origin });
+        }
+        if let Some(field) = &form.unread_times {
+            self.add(Doubt::UnreadPointTimes { field: field.clone() });
         }
     }
 

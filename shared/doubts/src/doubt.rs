@@ -178,6 +178,16 @@ pub enum Doubt {
         /// The first gap: files around it and missing numbers.
         first: String,
     },
+    /// [`DoubtKind::MapCoordinates`].
+    MapCoordinates {
+        /// x y z that were subtracted, m.
+        origin: [i64; 3],
+    },
+    /// [`DoubtKind::UnreadPointTimes`].
+    UnreadPointTimes {
+        /// Name of the field.
+        field: String,
+    },
     /// [`DoubtKind::ClockOffset`].
     ClockOffset {
         /// The sensor.
@@ -428,6 +438,8 @@ impl Doubt {
             Self::CutCaptures { .. } => DoubtKind::CutCaptures,
             Self::ClocksSetBack { .. } => DoubtKind::ClocksSetBack,
             Self::MissingFiles { .. } => DoubtKind::MissingFiles,
+            Self::MapCoordinates { .. } => DoubtKind::MapCoordinates,
+            Self::UnreadPointTimes { .. } => DoubtKind::UnreadPointTimes,
             Self::ClockOffset { .. } => DoubtKind::ClockOffset,
             Self::SilentSensors { .. } => DoubtKind::SilentSensors,
             Self::NoSweep { .. } => DoubtKind::NoSweep,
@@ -512,6 +524,7 @@ impl Doubt {
             Self::CloudsWithoutPlace { n_without, n_clouds } => share(*n_without, *n_clouds as u64),
             Self::RecordingIncomplete { progress, .. } => *progress,
             Self::TopicsNotReplayed { topics } => topics.len() as f64,
+            Self::MapCoordinates { .. } | Self::UnreadPointTimes { .. } => 0.0,
             Self::NoUsableFix { .. } | Self::NoSpectra { .. } | Self::NoSubmaps | Self::NoPoints { .. } => 0.0,
         }
     }
@@ -523,15 +536,4 @@ fn share(part: u64, whole: u64) -> f64 {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn doubt_about_a_secondary_lidar_has_its_name_in_name_and_text() {
-        let doubt = Doubt::DamagedPackets { share: 0.25, limit: 0.01 };
-        let of_rear = Doubt::SecondaryLidar { lidar: "rear".to_owned(), doubt: Box::new(doubt.clone()) };
-        assert_eq!((of_rear.kind(), of_rear.size()), (doubt.kind(), 0.25));
-        assert_eq!((doubt.name(), of_rear.name()), ("damaged_packets".into(), "damaged_packets_rear".into()));
-        assert_eq!(of_rear.to_string(), format!("LiDAR rear: {doubt}"));
-    }
-}
+mod tests;

@@ -158,6 +158,10 @@ kinds! {
         "Process each part in a folder of its own; check the names of the captures."
     /// Files of sweeps that are missing in a counted series.
     MissingFiles "missing_files" Acquire Input Check "Copy the missing files."
+    /// Sweeps have map coordinates, so the place of the LiDAR in them is unknown.
+    MapCoordinates "map_coordinates" Acquire Input Check "Export the sweeps in the frame of the LiDAR."
+    /// Point times of cloud files that are not read.
+    UnreadPointTimes "unread_point_times" Acquire Input Check "Check the unit of the field and the times of the sweeps."
     /// Live: the clock of a sensor differs from the clock of the first LiDAR.
     ClockOffset "clock_offset" Acquire Input Check "Synchronize both by PTP, or by GNSS with PPS."
     /// Sensors of `drive.toml` without data.
@@ -275,10 +279,12 @@ impl DoubtKind {
                 | Self::UnreadCaptures
                 | Self::CutCaptures
                 | Self::ClocksSetBack
+                | Self::MapCoordinates
                 | Self::MissingFiles
                 | Self::PpsNotLocked
                 | Self::BadSweeps
                 | Self::MissingSweeps
+                | Self::UnreadPointTimes
         )
     }
 }

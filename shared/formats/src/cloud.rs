@@ -53,9 +53,14 @@ pub struct ImplausiblePoint {
 }
 
 /// Fails at the first point beyond [`MAX_RANGE_M`] or with an intensity outside 0 to `max_intensity`. Bytes of another layout fail
-/// within their first points.
+/// within their first points. Missing returns may be NaN, but not most points.
 pub fn check_points(points: &[CloudPoint], max_intensity: f32) -> Result<(), ImplausiblePoint> {
+    let is_missing = |p: &CloudPoint| [p.x, p.y, p.z].iter().any(|value| value.is_nan());
+    let most_are_missing = 2 * points.iter().filter(|p| is_missing(p)).count() > points.len();
     for (index, p) in points.iter().enumerate() {
+        if is_missing(p) && !most_are_missing {
+            continue;
+        }
         let range_m = (p.x * p.x + p.y * p.y + p.z * p.z).sqrt();
         for (quantity, value, limit) in
             [("range in m", range_m, MAX_RANGE_M), ("intensity", p.intensity, max_intensity)]
@@ -78,12 +83,15 @@ mod tests {
         assert_eq!(check_points(&[good, CloudPoint::default()], 1.0), Ok(()));
         for (bad, quantity) in [
             (CloudPoint { x: 300.0, ..good }, "range in m"),
-            (CloudPoint { z: f32::NAN, ..good }, "range in m"),
+            (CloudPoint { z: f32::INFINITY, ..good }, "range in m"),
             (CloudPoint { intensity: 4.0, ..good }, "intensity"),
             (CloudPoint { intensity: -0.1, ..good }, "intensity"),
         ] {
             let found = check_points(&[good, bad], 1.0).expect_err("is implausible");
             assert_eq!((found.index, found.quantity), (1, quantity));
         }
+        let missing = CloudPoint { x: f32::NAN, ..good };
+        assert_eq!(check_points(&[good, missing, good], 1.0), Ok(()));
+        assert_eq!(check_points(&[good, missing, missing], 1.0).expect_err("is implausible").index, 1);
     }
 }

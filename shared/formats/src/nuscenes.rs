@@ -38,11 +38,12 @@ pub fn points_from_bin(bytes: &[u8]) -> Result<Vec<(CloudPoint, u8)>, NuscenesEr
     }
     let value = |row: &[u8; ROW_BYTES], at: usize| f32::from_le_bytes([row[at], row[at + 1], row[at + 2], row[at + 3]]);
     let point = |(index, row)| {
-        let ring = value(row, 16);
+        let point = CloudPoint { x: value(row, 0), y: value(row, 4), z: value(row, 8), intensity: value(row, 12) };
+        let is_missing = [point.x, point.y, point.z].iter().any(|value| value.is_nan());
+        let ring = if is_missing { 0.0 } else { value(row, 16) };
         if !(0.0..N_RINGS).contains(&ring) || ring.fract() != 0.0 {
             return Err(NuscenesError::Ring { index, ring });
         }
-        let point = CloudPoint { x: value(row, 0), y: value(row, 4), z: value(row, 8), intensity: value(row, 12) };
         Ok((point, ring as u8))
     };
     rows.iter().enumerate().map(point).collect()
@@ -83,6 +84,9 @@ mod tests {
         let bytes = bin_from_points(&points);
         assert_eq!(points_from_bin(&bytes), Ok(points));
         assert_eq!(points_from_bin(&bytes[..30]), Err(NuscenesError::Size { n_bytes: 30 }));
+        // A missing return has no ring.
+        let missing = points_from_bin(&[f32::NAN; 5].map(f32::to_le_bytes).concat()).expect("reads");
+        assert!(missing[0].0.x.is_nan() && missing[0].1 == 0);
         for ring in [-1.0_f32, 32.0, 0.5] {
             let bytes = [&[0; 16][..], &ring.to_le_bytes()].concat();
             assert_eq!(points_from_bin(&bytes), Err(NuscenesError::Ring { index: 0, ring }));

@@ -111,7 +111,7 @@ pub fn import(source: &Path, out: &Path, options: &Options) -> Result<Vec<String
     let plural = if n_sweeps == 1 { "" } else { "s" };
     let mut report = vec![format!("{}: {n_sweeps} {file}{plural} of {model} ({})", out.display(), kind.title())];
     report.extend(plan.report.iter().cloned());
-    report.extend(readable::check(&drive, &partial.folder, out)?);
+    report.extend(readable::check(&drive, &partial.folder, out, kind == Kind::Pcd)?);
     let missing = drive.lidars().flat_map(|lidar| &lidar.missing.texts);
     report.extend(missing.map(|text| format!("files are missing, their time is left out: {text}")));
     report.extend(left_out::list(source, &plan)?);

@@ -12,8 +12,14 @@ use std::path::Path;
 const DOCUMENTED: [f64; 2] = [1.0, 255.0];
 
 /// Lines of the report. Fails if none of a few evenly spaced clouds of a LiDAR can be read by a run. `folder`: the drive, which
-/// is named `out` afterwards.
-pub(crate) fn check(drive: &Drive, folder: &Path, out: &Path) -> Result<Vec<String>, ImportError> {
+/// is named `out` afterwards. `has_own_clouds`: the clouds are files of the source, so their times and rings are not in the
+/// report yet.
+pub(crate) fn check(
+    drive: &Drive,
+    folder: &Path,
+    out: &Path,
+    has_own_clouds: bool,
+) -> Result<Vec<String>, ImportError> {
     let mut report = Vec::new();
     let mut manifest = drive.manifest().clone();
     for (index, lidar) in drive.lidars().enumerate() {
@@ -39,6 +45,11 @@ pub(crate) fn check(drive: &Drive, folder: &Path, out: &Path) -> Result<Vec<Stri
             report.push(format!("{} of {} sweeps examined have no returns", sample.n_empty, sample.n_files));
         }
         let Some(form) = source.form() else { continue };
+        if has_own_clouds {
+            let is_found =
+                |line: &&String| !line.ends_with("the files contain no times") && !line.ends_with("no rings");
+            report.extend(form.report.iter().filter(is_found).cloned());
+        }
         report.extend(form.changes());
         let Some(entry) = entry_of(&mut manifest, index) else { continue };
         if !DOCUMENTED.contains(&form.intensities.factor) {

@@ -49,7 +49,9 @@ fn fired(cloud: &RawCloud) {
         if let Ok(fired) = form.fired(cloud, 1_700_000_000_000_000_000) {
             assert_eq!(fired.points.len(), cloud.positions.len());
             let bytes = formats::pcd::pcd_from_cloud(&fired);
-            assert!(formats::pcd::raw_from_pcd(&bytes).is_ok_and(|again| again.positions.len() == cloud.positions.len()));
+            assert!(
+                formats::pcd::raw_from_pcd(&bytes).is_ok_and(|again| again.positions.len() == cloud.positions.len())
+            );
         }
     }
 }

@@ -31,7 +31,7 @@ use std::time::Duration;
 pub type Target = (&'static str, fn(&[u8]));
 
 /// All targets.
-pub const TARGETS: [Target; 67] = [
+pub const TARGETS: [Target; 68] = [
     ("pcap", captures::capture),
     ("pcapng", captures::capture),
     ("hdl32e", captures::hdl32e),
@@ -56,6 +56,7 @@ pub const TARGETS: [Target; 67] = [
     ("raw_mosaic", images::raw_mosaic),
     ("ply", clouds::ply),
     ("pcd", clouds::pcd),
+    ("pcd_compressed", clouds::pcd),
     ("kitti", clouds::kitti),
     ("nuscenes", clouds::nuscenes),
     ("npy", clouds::npy),

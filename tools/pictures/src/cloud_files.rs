@@ -15,7 +15,7 @@ pub fn cloud_files(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
         let file = entry.with_context(|| format!("{}: cannot list the folder", folder.display()))?.path();
         let stem = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         // A file of spectra repeats points of a cloud. A leading dot marks an unfinished file.
-        let is_cloud = file.extension().is_some_and(|extension| extension == "ply");
+        let is_cloud = file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("ply"));
         if is_cloud && !stem.ends_with("_spectra") && !stem.starts_with('.') {
             files.push(file);
         }

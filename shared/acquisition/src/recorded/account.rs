@@ -5,6 +5,7 @@ use super::{BadLines, CameraFileError, DrivePosition, DriveReader, Due, SkippedA
 use crate::counters::ReportedCounts;
 use crate::doubts::{Doubts, Tally};
 use crate::error::DriveError;
+use formats::cloud_fields::CloudForm;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 
@@ -50,6 +51,7 @@ impl News {
             let format = &drive.manifest().lidar.format;
             news.notes.push(format!("no drive.toml: reading {format} sweeps of one {model} without other sensors"));
         }
+        news.notes.extend(reader.source().form().into_iter().flat_map(CloudForm::changes));
         if let Some(path) = drive.strange_files().first() {
             let path = path.display();
             news.notes.push(format!("{path}: the file name is not a stamp in ns; such files are skipped"));
@@ -156,6 +158,7 @@ impl DriveAccount {
         if let Some(first) = reader.drive().lidars().next() {
             doubts.numbers(&first.missing);
         }
+        source.form().into_iter().for_each(|form| doubts.clouds(form));
         let manifest = reader.drive().manifest();
         let has_cameras = !manifest.cameras.is_empty() || !manifest.mosaics.is_empty();
         let has_others = has_cameras || manifest.imu.is_some() || tally.fixes > 0 || reader.n_secondary_lidars() > 0;

@@ -125,6 +125,7 @@ impl SecondaryLidars {
             lidar.tally.doubt(&lidar.name, &source.lidar_stats(), source.capture_bytes(), doubts);
             let mut of_lidar = doubts.for_lidar(&lidar.name);
             of_lidar.numbers(&lidar.missing);
+            source.form().into_iter().for_each(|form| of_lidar.clouds(form));
             doubts.add_all(of_lidar);
         }
     }

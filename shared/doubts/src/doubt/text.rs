@@ -93,6 +93,16 @@ impl Display for Doubt {
                  step continue without a gap and are late by the step, so other sensors do not match"
             ),
             Self::MissingFiles { n_files, first } => write!(f, "{n_files} file(s) of sweeps are missing: {first}"),
+            Self::MapCoordinates { origin: [x, y, z] } => write!(
+                f,
+                "the sweeps have map coordinates: {x} {y} {z} m is subtracted and taken as the place of the LiDAR in every sweep, so \
+                 ranges, rings and the path are not those of the LiDAR"
+            ),
+            Self::UnreadPointTimes { field } => write!(
+                f,
+                "the field {field} of the clouds is not read: in none of s, ms, us and ns does it span a sweep of 5 ms to 0.5 s; the \
+                 motion during a sweep is not removed"
+            ),
             Self::ClockOffset { sensor, behind_s, limit_s, delay_s } => {
                 clock_offset(f, sensor, *behind_s, *limit_s, *delay_s)
             }

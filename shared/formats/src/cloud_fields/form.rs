@@ -51,6 +51,8 @@ pub struct CloudForm {
     pub intensities: IntensityScale,
     /// Whole meters that are subtracted from map coordinates.
     pub origin: Option<MapOrigin>,
+    /// Name of the times that are not read: their unit is unknown.
+    pub unread_times: Option<String>,
     /// Lines of the report about times and rings.
     pub report: Vec<String>,
 }
@@ -183,8 +185,9 @@ impl FormBuilder {
             None => Beams::Absent,
         };
         let report = vec![self.report_of_times(times.as_ref()), self.report_of_rings(rings.as_ref(), &beams)];
+        let unread_times = self.clouds.first().map(|cloud| cloud.name.clone()).filter(|_| times.is_none());
         let intensities = self.intensities.scale();
-        CloudForm { times, beams, intensities, origin: self.origin, report }
+        CloudForm { times, beams, intensities, origin: self.origin, unread_times, report }
     }
 
     fn times(&self) -> Option<Times> {
@@ -341,6 +344,9 @@ impl CloudForm {
     /// The points of a cloud with rings and times. Intensities are as stored. `stamp`: stamp of its sweep before the
     /// correction, ns.
     pub fn fired(&self, cloud: &RawCloud, stamp: i64) -> Result<FiredCloud, FieldFault> {
+        if cloud.positions.is_empty() {
+            return Ok(FiredCloud::default());
+        }
         let offsets = match &self.times {
             Some(times) if cloud.times.is_some() || !times.is_optional => Some(times.offsets(cloud, stamp)?),
             _ => None,

@@ -88,6 +88,9 @@ pub enum HeaderFault {
     /// The header does not end.
     #[error("the header ends without `end_header`")]
     NoEnd,
+    /// Lines end as on old Macintoshes.
+    #[error("lines end with carriage returns only; convert them to line feeds: tr '\\r' '\\n'")]
+    CarriageReturns,
     /// The file has no points.
     #[error("no element `vertex`")]
     NoVertex,

@@ -174,6 +174,9 @@ pub(super) fn header_len(bytes: &[u8], path: &Path) -> Result<usize, PlyError> {
         return Err(PlyError::header(path, 1, HeaderFault::NoMagic));
     }
     let mut start = 0;
+    if bytes.starts_with(b"ply\r") && bytes.get(4) != Some(&b'\n') {
+        return Err(PlyError::header(path, 1, HeaderFault::CarriageReturns));
+    }
     for (index, line) in bytes[..bytes.len().min(MAX_HEADER)].split_inclusive(|byte| *byte == b'\n').enumerate() {
         start += line.len();
         if line.trim_ascii_end() == b"end_header" {

@@ -222,8 +222,9 @@ fn rows_that_do_not_match_the_header_are_refused_and_leave_no_file() {
 
 #[test]
 fn invalid_files_are_refused_with_line_or_byte() {
-    let refused: [(&str, &str); 9] = [
+    let refused: [(&str, &str); 10] = [
         ("", "line 1: not a PLY file"),
+        ("ply\rformat ascii 1.0\relement vertex 0\rend_header\r", "lines end with carriage returns only"),
         ("ply\nformat ascii 1.0\nelement vertex 1\n", "without `end_header`"),
         ("ply\nformat ascii 1.0\nelement vertex x\nend_header\n", "line 3"),
         ("ply\nformat ascii 1.0\nelement face 1\nproperty int a\nend_header\n1\n", "no element `vertex`"),

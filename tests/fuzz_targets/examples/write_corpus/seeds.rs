@@ -52,6 +52,7 @@ pub fn all() -> Vec<(&'static str, Vec<Vec<u8>>)> {
         ("raw_mosaic", vec![tiff(), pgm_from_samples(20, 10, 4095, &[77; 200])]),
         ("ply", vec![ply()]),
         ("pcd", vec![pcd::pcd_from_points(&points()), PCD_TEXT.to_vec()]),
+        ("pcd_compressed", vec![PCD_COMPRESSED.to_vec()]),
         ("kitti", vec![kitti::bin_from_points(&points())]),
         ("nuscenes", vec![nuscenes::bin_from_points(&points().into_iter().zip(0..32).collect::<Vec<_>>())]),
         ("npy", vec![npy()]),
@@ -104,6 +105,10 @@ pub const METADATA: &str = r#"{"beam_intrinsics": {"beam_altitude_angles": [10, 
     "udp_profile_lidar": "LEGACY"}, "sensor_info": {"prod_sn": "5"},
     "lidar_intrinsics": {"lidar_to_sensor_transform": [-1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1, 40, 0, 0, 0, 1]}}"#;
 
+/// 4 points whose coordinates are copies of each other.
+const PCD_COMPRESSED: &[u8] =
+    b"VERSION 0.7\nFIELDS x y z t\nSIZE 4 4 4 4\nTYPE F F F U\nCOUNT 1 1 1 1\nWIDTH 4\nHEIGHT 1\nPOINTS 4\n\
+    DATA binary_compressed\n\x10\0\0\0\x40\0\0\0\x03\0\0\x80\x3f\xe0\x23\x03\x03\x40\x42\x0f\0\xe0\x03\x03";
 const PCD_TEXT: &[u8] =
     b"FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nPOINTS 3\nDATA ascii\n1 2 3\n4 5 6\n7 8 9\n";
 const SPECTRUM: &str =

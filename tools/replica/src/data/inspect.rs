@@ -2,6 +2,7 @@
 
 pub mod drive;
 pub mod georeference;
+mod imported;
 mod offset;
 mod recording;
 
@@ -96,7 +97,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         args.answer.print(&offset, || offset.text())?;
         return Ok(ExitCode::SUCCESS);
     }
-    if args.path.extension().is_some_and(|extension| extension == "mcap") {
+    if args.path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("mcap")) {
         let recording = RecordingFacts::read(&args.path)?;
         args.answer.print(&recording, || recording.table())?;
         return Ok(if recording.complete { ExitCode::SUCCESS } else { ExitCode::from(exit_code::INCOMPLETE) });
@@ -109,6 +110,9 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         let path = args.path.display();
         let rule = "--full and --page need a drive folder, a folder of sweeps or a capture";
         return Err(UsageError(format!("{path}: {rule}")).into());
+    }
+    if let Some(rule) = imported::rule(&args.path) {
+        return Err(UsageError(rule).into());
     }
     let files = cloud_files(&args.path)?;
     let summary = summarize(&files, args.by.as_ref(), args.band_nm)?;
