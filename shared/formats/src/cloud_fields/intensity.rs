@@ -103,7 +103,8 @@ impl IntensitySample {
         }
         let kept = self.values[((self.values.len() - 1) as f64 * KEPT) as usize];
         let mut factor = 1.0;
-        while kept * factor > MAX_INTENSITY && factor > LIMITS[0] {
+        // Larger intensities are damage.
+        while kept * factor > MAX_INTENSITY && factor > 2.0 * LIMITS[0] {
             factor *= 0.5;
         }
         (factor, "the largest power of two for which 99 % of a sample are at most 255")
@@ -157,6 +158,7 @@ mod tests {
         assert!(scale.text.contains("times 0.25") && scale.text.contains("0.50 % of a sample"), "{}", scale.text);
         // Decibels.
         assert!(factor(ValueType::F32, [-20.0, -3.0, 5.0]).text.contains("negative ones become 0, 66.67 %"));
+        assert!(IntensityScale::is_factor(factor(ValueType::F32, [1e30; 9]).factor));
         assert!(factor(ValueType::F32, [f64::NAN, f64::INFINITY]).text.is_empty());
     }
 }
