@@ -524,8 +524,12 @@ impl Doubt {
             Self::CloudsWithoutPlace { n_without, n_clouds } => share(*n_without, *n_clouds as u64),
             Self::RecordingIncomplete { progress, .. } => *progress,
             Self::TopicsNotReplayed { topics } => topics.len() as f64,
-            Self::MapCoordinates { .. } | Self::UnreadPointTimes { .. } => 0.0,
-            Self::NoUsableFix { .. } | Self::NoSpectra { .. } | Self::NoSubmaps | Self::NoPoints { .. } => 0.0,
+            Self::MapCoordinates { .. }
+            | Self::UnreadPointTimes { .. }
+            | Self::NoUsableFix { .. }
+            | Self::NoSpectra { .. }
+            | Self::NoSubmaps
+            | Self::NoPoints { .. } => 0.0,
         }
     }
 }

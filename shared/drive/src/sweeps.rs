@@ -25,7 +25,7 @@ pub enum SweepSource {
         sizes: Vec<u64>,
     },
     /// Sweeps from cloud files.
-    Clouds(Clouds),
+    Clouds(Box<Clouds>),
 }
 
 /// Reader of sweeps stored as one cloud file each.
@@ -73,7 +73,7 @@ impl SweepSource {
         let reader = CloudReader::open(of);
         let shift_nanos = reader.form().shift_nanos();
         let stamps = stamps.into_iter().map(|stamp| stamp.plus_nanos(shift_nanos)).collect();
-        Ok(Self::Clouds(Clouds {
+        Ok(Self::Clouds(Box::new(Clouds {
             files,
             stamps,
             reader,
@@ -82,7 +82,7 @@ impl SweepSource {
             current: None,
             n_bad: 0,
             damage: Vec::new(),
-        }))
+        })))
     }
 
     /// Passes the returns of the next sweep to `sink` in firing order, in pieces, at most [`SweepReader::MAX_RETURNS`] in all. `None`

@@ -282,7 +282,6 @@ mod tests {
         assert_eq!(read("1 2 3 0.05 0\nnan nan nan nan nan\n").map(|cloud| cloud.points.len()), Ok(2));
     }
 
-    /// The same points in the three encodings.
     #[test]
     fn compressed_file_has_the_points_of_the_binary_one() {
         let cloud = FiredCloud {

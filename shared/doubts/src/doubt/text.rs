@@ -96,7 +96,7 @@ impl Display for Doubt {
             Self::MapCoordinates { origin: [x, y, z] } => write!(
                 f,
                 "the sweeps have map coordinates: {x} {y} {z} m is subtracted and taken as the place of the LiDAR in every sweep, so \
-                 ranges, rings and the path are not those of the LiDAR"
+                 ranges, rings and the path are not right"
             ),
             Self::UnreadPointTimes { field } => write!(
                 f,

@@ -73,7 +73,7 @@ impl RawCloud {
         }
         if self.is_quantized() {
             let (index, axis) =
-                returns().filter_map(|index| Some((index, largest(self.positions[index])?))).next().unwrap_or((0, 0));
+                returns().find_map(|index| Some((index, largest(self.positions[index])?))).unwrap_or((0, 0));
             let value = self.positions[index][axis];
             let single = value.abs() as f32;
             let step_m = f64::from(single.next_up()) - f64::from(single);

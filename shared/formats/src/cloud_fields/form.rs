@@ -123,7 +123,7 @@ pub enum FieldFault {
         /// Number of beams.
         n_beams: usize,
     },
-    /// Map coordinates in a recording whose other clouds have none.
+    /// Map coordinates in a recording whose other clouds are in the frame of the LiDAR.
     #[error("has map coordinates; the first files are in the frame of the LiDAR")]
     OtherFrame,
 }

@@ -11,6 +11,7 @@
 //! surfaces.
 
 use super::{Column, ValueType};
+use std::fmt::Write;
 
 /// Largest intensity of a sweep.
 const MAX_INTENSITY: f64 = 255.0;
@@ -82,7 +83,7 @@ impl IntensitySample {
         }
         for (percent, what) in [(saturated, "larger ones become 255"), (negative, "negative ones become 0")] {
             if percent > 0.0 {
-                text += &format!("; {what}, {percent:.2} % of a sample");
+                let _ = write!(text, "; {what}, {percent:.2} % of a sample");
             }
         }
         IntensityScale { factor, text }

@@ -44,7 +44,7 @@ impl Field {
     }
 
     /// Index of the field among these names. The letter case is ignored, but a name in lower case is preferred.
-    pub fn find<'a>(self, names: impl Iterator<Item = &'a str> + Clone) -> Option<usize> {
+    pub fn find<'a>(self, names: &(impl Iterator<Item = &'a str> + Clone)) -> Option<usize> {
         let position =
             |wanted: &str, is_same: fn(&str, &str) -> bool| names.clone().position(|name| is_same(name, wanted));
         self.names()
@@ -90,7 +90,7 @@ mod tests {
             ("normals", "normal_x x y z X", [Some(1), Some(2), Some(3), None, None, None]),
         ] {
             let names: Vec<&str> = names.split(' ').collect();
-            assert_eq!(Field::ALL.map(|field| field.find(names.iter().copied())), found, "{writer}");
+            assert_eq!(Field::ALL.map(|field| field.find(&names.iter().copied())), found, "{writer}");
         }
     }
 }

@@ -176,12 +176,12 @@ fn layout(fields: &[String], sizes: &[usize], kinds: &[String], counts: &[usize]
     }
     let names = || all.iter().map(|(name, _)| *name);
     for field in Field::ALL {
-        let Some(index) = field.find(names()) else { continue };
+        let Some(index) = field.find(&names()) else { continue };
         if names().filter(|name| *name == all[index].0).count() > 1 {
             return Err(PcdFault::Twice(all[index].0.to_owned()));
         }
         found.values[field as usize] = Some(all[index].1);
-        found.names[field as usize] = all[index].0.to_owned();
+        all[index].0.clone_into(&mut found.names[field as usize]);
     }
     match found.values[..3].iter().position(Option::is_none) {
         None => Ok(found),

@@ -6,7 +6,7 @@ use crate::cloud_fields::{Column, Field, RawCloud, ValueType};
 impl Vertices {
     /// Coordinates, intensities, rings and times, by the names of [`Field`].
     pub fn raw_cloud(&self) -> Result<RawCloud, PlyError> {
-        let find = |field: Field| field.find(self.properties().iter().map(|property| property.name.as_str()));
+        let find = |field: Field| field.find(&self.properties().iter().map(|property| property.name.as_str()));
         let column = |field: Field| -> Result<Option<Column>, PlyError> {
             let Some(index) = find(field) else { return Ok(None) };
             let property = &self.properties()[index];

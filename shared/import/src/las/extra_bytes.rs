@@ -72,7 +72,7 @@ fn beam_of(descriptions: &[u8], first: usize) -> Option<ExtraField> {
         fields.push((name, ExtraField { at, value_type }));
         at += value_type.size();
     }
-    let index = Field::Ring.find(fields.iter().map(|(name, _)| name.as_str()))?;
+    let index = Field::Ring.find(&fields.iter().map(|(name, _)| name.as_str()))?;
     Some(fields[index].1)
 }
 

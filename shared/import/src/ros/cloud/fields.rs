@@ -84,7 +84,7 @@ impl<'a> Fields<'a> {
         let find = |field: Field| {
             // Some drivers state a count of 0 for one value; a field of several values is another one.
             let names = fields.iter().map(|(name, _, count)| if *count <= 1 { name.as_str() } else { "" });
-            field.find(names).map(|index| (fields[index].0.clone(), fields[index].1))
+            field.find(&names).map(|index| (fields[index].0.clone(), fields[index].1))
         };
         let mut position = [Value { offset: 0, datatype: 7 }; 3];
         for (value, field) in position.iter_mut().zip([Field::X, Field::Y, Field::Z]) {
