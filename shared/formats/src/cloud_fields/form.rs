@@ -247,17 +247,14 @@ impl FormBuilder {
         let firsts: Option<Vec<i64>> = self.clouds.iter().map(first).collect();
         let stamps: Option<Vec<i64>> = self.clouds.iter().map(|cloud| cloud.stamp).collect();
         let Some(first) = firsts.as_ref().and_then(|firsts| firsts.iter().copied().min()) else { return Start::First };
-        // Whole ms before the earliest first point, so that all points are after the corrected stamp.
-        let before = |nanos: i64| nanos.div_euclid(1_000_000) * 1_000_000 - JITTER_NANOS;
         if form.is_from_stamp() {
             return match &stamps {
                 _ if first >= 0 && self.is_drive => Start::Stamp(0),
                 _ if first >= 0 => Start::First,
                 Some(stamps)
-                    if first > -MAX_SHIFT_NANOS
-                        && stamps.iter().all(|stamp| stamp.saturating_add(before(first)) >= 0) =>
+                    if first > -MAX_SHIFT_NANOS && stamps.iter().all(|stamp| stamp.saturating_add(first) >= 0) =>
                 {
-                    Start::Stamp(before(first))
+                    Start::Stamp(first)
                 }
                 _ => Start::First,
             };
@@ -270,7 +267,7 @@ impl FormBuilder {
         });
         match after.and_then(|after| after.into_iter().min()) {
             Some(after) if (-JITTER_NANOS..MAX_SHIFT_NANOS / 2).contains(&after) => Start::Epoch(0),
-            Some(after) if after < 0 && after > -MAX_SHIFT_NANOS => Start::Epoch(before(after)),
+            Some(after) if after < 0 && after > -MAX_SHIFT_NANOS => Start::Epoch(after),
             _ => Start::First,
         }
     }

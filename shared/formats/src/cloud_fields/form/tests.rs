@@ -52,10 +52,10 @@ fn units_of_a_drive_are_determined_by_the_span() {
         ("offset_time", 0.0, 1e8, 1e8 * part, 0),
         // A part of a sweep in the documented unit.
         ("t", 0.0, 400_000.0, 400_000.0 * part, 0),
-        // A stamp at the end of the sweep, which then begins 102 ms earlier.
-        ("time", -0.1, 0.1, 1e8 * part + 2e6, -102),
+        // A stamp at the end of the sweep, which then begins 100 ms earlier.
+        ("time", -0.1, 0.1, 1e8 * part, -100),
         ("timestamp", 1.7e9, 0.1, 1e8 * part, 0),
-        ("timestamp", 1.7e9 - 0.0505, 0.1, 1e8 * part + 2.5e6, -53),
+        ("timestamp", 1.7e9 - 0.0505, 0.1, 1e8 * part, -50),
         // A clock of its own.
         ("timestamp", 5000.0, 0.1, 1e8 * part, 0),
     ] {
