@@ -209,6 +209,25 @@ fn unsafe_code_stands_in_one_file_of_ipc() {
     assert_eq!(allowed, [Path::new("shared/ipc/src/slot.rs")]);
 }
 
+/// Readers of files that users name open them by `files::regular_file`: a pipe in place of a file would hang a program.
+#[test]
+fn readers_open_files_by_the_helper() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut found = Vec::new();
+    for name in ["drive", "formats", "import", "lidar", "recording", "rig", "segmentation", "spectral", "surveying"] {
+        for path in files(&root.join("shared").join(name).join("src"), &["rs"]) {
+            let text = std::fs::read_to_string(&path).expect("readable");
+            let code = text.split("#[cfg(test)]").next().unwrap_or_default();
+            let is_test = path.file_stem().is_some_and(|stem| stem.to_string_lossy().ends_with("_test"));
+            let opens = ["File::open(", "fs::read(", "fs::read_to_string("].iter().any(|call| code.contains(call));
+            if opens && !is_test {
+                found.push(path.strip_prefix(root).expect("below").to_owned());
+            }
+        }
+    }
+    assert_eq!(found, Vec::<PathBuf>::new(), "use files::regular_file");
+}
+
 #[test]
 fn crates_behind_a_step_deny_clocks_files_and_environment() {
     // These read and write files, start processes, or are the shell around a step.

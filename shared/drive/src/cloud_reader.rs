@@ -2,6 +2,7 @@
 
 use super::DriveLidar;
 use super::clouds::{Rings, returns};
+use files::regular_file;
 use formats::cloud::{FiredCloud, FiredPoint, MAX_RANGE_M};
 use formats::cloud_fields::{
     CloudForm, CoordinateFault, FieldFault, FormBuilder, IntensitySample, IntensityScale, MapOrigin, ValueType, sampled,
@@ -73,7 +74,7 @@ impl CloudReader {
 
     /// The returns of a cloud file. `stamp`: stamp of its sweep, before the correction of the form.
     pub(super) fn load(&self, path: &Path, stamp: Stamp) -> Result<CloudReturns, CloudFault> {
-        let bytes = std::fs::read(path)?;
+        let bytes = regular_file::read(path)?;
         let untimed = |returns| CloudReturns { returns, has_times: false };
         let scale = self.form.intensities.factor as f32;
         let found = match self.format.as_str() {
@@ -138,7 +139,7 @@ fn pcd_form(of: &DriveLidar) -> CloudForm {
     let mut builder = FormBuilder::for_drive(interval_s(&of.stamps), n_beams);
     let files: Vec<_> = of.files.iter().zip(&of.stamps).collect();
     for (path, stamp) in sampled(&files) {
-        if let Some(cloud) = std::fs::read(path).ok().and_then(|bytes| pcd::raw_from_pcd(&bytes).ok()) {
+        if let Some(cloud) = regular_file::read(path).ok().and_then(|bytes| pcd::raw_from_pcd(&bytes).ok()) {
             // Clouds with invalid coordinates are left out here and refused when they are loaded.
             let _ = builder.add(&cloud, Some(stamp.0));
         }
@@ -150,7 +151,7 @@ fn pcd_form(of: &DriveLidar) -> CloudForm {
 fn rows_scale(of: &DriveLidar) -> IntensityScale {
     let mut sample = IntensitySample::default();
     for path in sampled(&of.files) {
-        let Ok(bytes) = std::fs::read(path) else { continue };
+        let Ok(bytes) = regular_file::read(path) else { continue };
         let intensities: Vec<f64> = if of.format == "bin" {
             let points = kitti::points_from_bin(&bytes).unwrap_or_default();
             points.iter().map(|point| f64::from(point.intensity)).collect()

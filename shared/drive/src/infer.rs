@@ -5,6 +5,7 @@ use super::read::Read;
 use super::{Drive, DriveLidar, MANIFEST_FILE, Missing};
 use crate::manifest::{LidarEntry, Manifest, PoseEntry};
 use files::problems::{FileError, FileProblem};
+use files::regular_file;
 use formats::cloud::check_points;
 use formats::kitti;
 use lidar::pcap::{Compression, has_capture_magic, is_capture_name, sort_by_time};
@@ -72,7 +73,7 @@ fn check_rows(path: &Path) -> Result<(), FileError> {
     if path.to_string_lossy().ends_with(".pcd.bin") {
         return Err(problem(format!("is a sweep of nuScenes; {hint}")));
     }
-    let bytes = std::fs::read(path).map_err(|error| problem(error.to_string()))?;
+    let bytes = regular_file::read(path).map_err(|error| problem(error.to_string()))?;
     let points = kitti::points_from_bin(&bytes).map_err(|error| problem(format!("{error}; {hint}")))?;
     check_points(&points, 1.0).map_err(|error| problem(format!("{error}; {hint}")))
 }

@@ -3,6 +3,7 @@
 use super::labelled_sweep::{LabelledSweep, NoLabel, Shot, TrueLabel};
 use super::{Drive, SweepSource};
 use files::problems::FileProblem;
+use files::regular_file;
 use lidar::SweepPoint;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -61,7 +62,7 @@ impl LabelReader {
         let next = self.source.next_sweep(|found| self.points.extend_from_slice(found));
         if let Some(sweep) = next.map_err(|error| fault(&self.drive, error.to_string()))? {
             let path = self.folder.join(format!("{:06}.label", sweep.seq));
-            let bytes = match std::fs::read(&path) {
+            let bytes = match regular_file::read(&path) {
                 Err(error) if error.kind() == ErrorKind::NotFound => {
                     return Ok(Some(LabelledSweep::unlabeled(&sweep, &self.points)));
                 }

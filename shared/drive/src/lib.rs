@@ -48,13 +48,14 @@ pub use sweeps::{CloudSample, SourcePosition, SweepSource};
 use crate::imu::ImuReader;
 use crate::manifest::{ImuEntry, Manifest};
 use files::problems::{FileError, FileProblem};
+use files::regular_file;
 use files::text_file::{MAX_SETTINGS_BYTES, read_long_text, read_text};
 use formats::sensor_calibration::SensorCalibration;
 use formats::trajectory::trajectory_from_tum;
 use geometry::{Rig, Stamp, Trajectory};
 use lidar::nmea::{self, Fix, LogStats};
 use lidar::{Lidar, Model, SweepError};
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::{self, BufReader};
 use std::path::{Path, PathBuf};
 
@@ -170,7 +171,7 @@ impl Drive {
         match &self.manifest.gnss {
             Some(entry) => {
                 let (mut fixes, stats) =
-                    nmea::fixes_above_geoid(&fs::read(self.folder.join(&entry.file))?, entry.geoid_m);
+                    nmea::fixes_above_geoid(&regular_file::read(self.folder.join(&entry.file))?, entry.geoid_m);
                 for fix in &mut fixes {
                     fix.stamp = fix.stamp.plus_nanos(entry.delay_nanos.saturating_neg());
                 }
@@ -183,7 +184,7 @@ impl Drive {
     /// A reader of the IMU samples, with the delay of their stamps subtracted, if the drive has an IMU.
     pub fn imu(&self) -> io::Result<Option<ImuReader<BufReader<File>>>> {
         let open = |entry: &ImuEntry| {
-            let reader = ImuReader::new(BufReader::new(File::open(self.folder.join(&entry.file))?));
+            let reader = ImuReader::new(BufReader::new(regular_file::open(self.folder.join(&entry.file))?));
             let reader = reader.delayed(entry.delay_nanos);
             Ok(if entry.body_from_imu.is_some() { reader.rotated(entry.mounting().rotation) } else { reader })
         };

@@ -2,6 +2,7 @@
 
 use crate::envi::{self, EnviError, EnviFault};
 use crate::tiff::{Tiff, TiffError};
+use files::regular_file;
 use std::path::{Path, PathBuf};
 
 /// An image, band-sequential.
@@ -58,7 +59,7 @@ fn is_tiff(path: &Path) -> bool {
 pub fn read(path: &Path) -> Result<BandImage, BandImageError> {
     let path_buf = || path.to_owned();
     if is_tiff(path) {
-        let bytes = std::fs::read(path).map_err(|error| BandImageError::Io { path: path_buf(), error })?;
+        let bytes = regular_file::read(path).map_err(|error| BandImageError::Io { path: path_buf(), error })?;
         let image = Tiff::parse(&bytes).map_err(|error| BandImageError::Tiff { path: path_buf(), error })?;
         let n_bands = image.n_bands as usize;
         let plane = |band: usize| image.samples.iter().skip(band).step_by(n_bands).map(|sample| f32::from(*sample));

@@ -13,6 +13,7 @@ mod values;
 pub use error::{EnviError, EnviFault, ValueRule};
 pub use header::{DataType, Header, Interleave};
 
+use files::regular_file;
 use std::path::{Path, PathBuf};
 
 /// An image with its values.
@@ -42,14 +43,14 @@ const EXTENSIONS: [&str; 12] = ["", "img", "dat", "bin", "raw", "sli", "bsq", "b
 /// Reads an image by the path of its header or of its data file.
 pub fn read(path: &Path) -> Result<Image, EnviError> {
     let (header_path, data_path) = pair(path)?;
-    let text = std::fs::read(&header_path).map_err(error(&header_path))?;
+    let text = regular_file::read(&header_path).map_err(error(&header_path))?;
     // Descriptions may be in any encoding; keys and numbers are ASCII.
     let mut header = Header::parse(&String::from_utf8_lossy(&text)).map_err(|(line, fault)| EnviError {
         path: header_path,
         line,
         fault,
     })?;
-    let bytes = std::fs::read(&data_path).map_err(error(&data_path))?;
+    let bytes = regular_file::read(&data_path).map_err(error(&data_path))?;
     let values = values::decode(&mut header, &bytes).map_err(error(&data_path))?;
     Ok(Image { header, values })
 }

@@ -3,6 +3,7 @@
 //! Big-endian: `f64` latitude and longitude of the lower left node and the steps of both, degrees; `i32` rows and columns; then `f32`
 //! values, m, in rows from south to north. -88.8888 marks nodes without value.
 
+use files::regular_file;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -47,7 +48,7 @@ pub enum GtxError {
 impl GeoidGrid {
     /// Reads a file.
     pub fn load(path: &Path) -> Result<Self, GtxError> {
-        let bytes = std::fs::read(path).map_err(|source| GtxError::File { path: path.to_owned(), source })?;
+        let bytes = regular_file::read(path).map_err(|source| GtxError::File { path: path.to_owned(), source })?;
         Self::decode(&bytes).map_err(|rule| GtxError::Content { path: path.to_owned(), rule })
     }
 

@@ -3,6 +3,7 @@
 
 use crate::pgm::{Pgm, PgmError};
 use crate::tiff::{Tiff, TiffError};
+use files::regular_file;
 use ndarray::ArrayView4;
 use std::path::{Path, PathBuf};
 
@@ -55,7 +56,7 @@ impl RawMosaic {
     /// Reads a file. Its first bytes determine the format.
     pub fn read(path: &Path) -> Result<Self, RawMosaicError> {
         let error = |fault: RawMosaicFault| RawMosaicError { path: path.to_owned(), fault };
-        let bytes = std::fs::read(path).map_err(|cause| error(cause.into()))?;
+        let bytes = regular_file::read(path).map_err(|cause| error(cause.into()))?;
         Self::parse(&bytes).map_err(error)
     }
 

@@ -15,6 +15,7 @@ pub use record::Value;
 pub use rows::{Row, Rows};
 
 use error::Place;
+use files::regular_file;
 use header::Header;
 use std::fs::File;
 use std::io::{self, ErrorKind};
@@ -45,7 +46,7 @@ impl Database {
                 _ => {}
             }
         }
-        let file = File::open(path).map_err(|error| fault(error.into()))?;
+        let file = regular_file::open(path).map_err(|error| fault(error.into()))?;
         let n_bytes = file.metadata().map_err(|error| fault(error.into()))?.len();
         let mut bytes = [0; header::HEADER];
         match file.read_exact_at(&mut bytes, 0) {

@@ -3,9 +3,9 @@
 use crate::error::{At, ImportError};
 use crate::plan::{Link, Plan};
 use drive::manifest::CameraEntry;
+use files::regular_file;
 use geometry::{CameraModel, Isometry3, Pinhole, Pose};
 use image::ImageReader;
-use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -87,7 +87,7 @@ pub(crate) fn add(plan: &mut Plan, cameras: Vec<Camera>) -> Result<(), ImportErr
 /// Columns and rows of a PNG (W3C PNG, section 11.2.1) or JPEG image, from its header.
 pub(crate) fn image_size(path: &Path) -> Result<[u32; 2], ImportError> {
     let mut header = [0; 24];
-    let read = File::open(path).at(path)?.read_exact(&mut header);
+    let read = regular_file::open(path).at(path)?.read_exact(&mut header);
     if read.is_ok() && header.starts_with(b"\x89PNG\r\n\x1a\n") && &header[12..16] == b"IHDR" {
         let number = |at: usize| u32::from_be_bytes([header[at], header[at + 1], header[at + 2], header[at + 3]]);
         return Ok([number(16), number(20)]);

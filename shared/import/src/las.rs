@@ -5,6 +5,7 @@ mod layers;
 
 use crate::error::{At, ImportError};
 use extra_bytes::ExtraField;
+use files::regular_file;
 use formats::cloud::CloudPoint;
 use formats::cloud_fields::{Column, Field, RawCloud, ValueType};
 use laz::{LasZipDecompressor, LazVlr};
@@ -105,7 +106,7 @@ pub(crate) fn each_block(
     path: &Path,
     mut take: impl FnMut(&[LasPoint]) -> Result<(), ImportError>,
 ) -> Result<(), ImportError> {
-    let file = File::open(path).at(path)?;
+    let file = regular_file::open(path).at(path)?;
     let n_bytes = file.metadata().at(path)?.len();
     let mut file = BufReader::new(file);
     let layout = Layout::read(&mut file, n_bytes).map_err(|rule| ImportError::at(path, rule))?;
@@ -151,7 +152,7 @@ fn decompressor(
         let rule = format!("compressed records of {} bytes, the header says {}", vlr.items_size(), layout.record_bytes);
         return Err(ImportError::at(path, rule));
     }
-    let mut source = BufReader::new(File::open(path).at(path)?);
+    let mut source = BufReader::new(regular_file::open(path).at(path)?);
     let Layout { data_at, n_points, n_bytes, .. } = *layout;
     let fault = |rule: String| ImportError::at(path, rule);
     let in_layers = layers::are_layers(bytes, &vlr).map_err(fault)?;

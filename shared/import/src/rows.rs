@@ -1,6 +1,7 @@
 //! Checks that files of sweeps match the layout: rows without header have no other mark.
 
 use crate::error::{At, ImportError};
+use files::regular_file;
 use formats::cloud::{CloudPoint, check_points};
 use formats::{kitti, nuscenes};
 use std::path::{Path, PathBuf};
@@ -59,14 +60,14 @@ pub(crate) fn check(sweeps: &[(String, PathBuf)], rows: Rows) -> Result<(), Impo
 }
 
 fn values(path: &Path, rows: Rows) -> Result<(), Fault> {
-    let points = (rows.points)(&std::fs::read(path)?)?;
+    let points = (rows.points)(&regular_file::read(path)?)?;
     Ok(check_points(&points, rows.max_intensity)?)
 }
 
 /// Hint about the likely layout of the file.
 fn hint(path: &Path) -> &'static str {
     let rows = |bytes: Vec<u8>| nuscenes::points_from_bin(&bytes).is_ok_and(|rows| !rows.is_empty());
-    if std::fs::read(path).is_ok_and(rows) {
+    if regular_file::read(path).is_ok_and(rows) {
         "; the rows have the layout of nuScenes (x y z intensity ring): --kind nuscenes"
     } else {
         "; --kind sets the layout"

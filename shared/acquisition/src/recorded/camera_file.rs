@@ -1,6 +1,7 @@
 //! Decodes camera files directly into the caller's memory.
 
 use drive::manifest::{CameraEntry, MosaicEntry};
+use files::regular_file;
 use formats::jpeg::{self, JpegError};
 use formats::pgm::{Pgm, PgmError};
 use image::{ColorType, DynamicImage, ImageDecoder, ImageError, ImageReader};
@@ -46,7 +47,7 @@ impl CameraFileError {
 /// [`CameraFileError::decoder_panicked`].
 pub fn image_into(path: &Path, entry: &CameraEntry, pixels: &mut [u8]) -> Result<(), CameraFileError> {
     let mut decoded = || -> Result<(), CameraFileFault> {
-        let bytes = std::fs::read(path)?;
+        let bytes = regular_file::read(path)?;
         let decoder = ImageReader::new(Cursor::new(&bytes)).with_guessed_format()?.into_decoder()?;
         check_size(decoder.dimensions(), entry.model.size())?;
         if jpeg::is_jpeg(&bytes) {
@@ -68,7 +69,7 @@ pub fn image_into(path: &Path, entry: &CameraEntry, pixels: &mut [u8]) -> Result
 /// Decodes a raw mosaic of the camera. `samples` has one value for each pixel of the camera.
 pub fn mosaic_into(path: &Path, entry: &MosaicEntry, samples: &mut [u16]) -> Result<(), CameraFileError> {
     let mut decoded = || -> Result<(), CameraFileFault> {
-        let bytes = std::fs::read(path)?;
+        let bytes = regular_file::read(path)?;
         let pgm = Pgm::parse(&bytes)?;
         check_size((pgm.width, pgm.height), entry.model.size())?;
         let bit_depth = entry.bit_depth;

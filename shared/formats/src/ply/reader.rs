@@ -1,6 +1,7 @@
 //! Reading whole clouds.
 
 use super::{Header, HeaderFault, Kind, PayloadFault, PlyError, Property, PropertyFault, packed};
+use files::regular_file;
 use ply_rs::parser::{Parser, Reader};
 use ply_rs::ply::{DefaultElement, ElementDef, Encoding, PropertyType};
 use std::borrow::Cow;
@@ -26,7 +27,7 @@ pub struct Vertices {
 impl Vertices {
     /// Reads the whole file.
     pub fn load(path: &Path) -> Result<Self, PlyError> {
-        Self::decode(std::fs::read(path).map_err(PlyError::io(path, "read"))?, path)
+        Self::decode(regular_file::read(path).map_err(PlyError::io(path, "read"))?, path)
     }
 
     /// Decodes the content of a file. `path` is used in errors only. Lists and elements other than `vertex` are skipped.

@@ -2,6 +2,7 @@
 
 use super::reader::{MAX_HEADER, header_len, is_plain, parse_header, plain_rows, scalar_properties};
 use super::{Header, HeaderFault, PlyError, Vertices};
+use files::regular_file;
 use ply_rs::ply::Encoding;
 use std::fs::File;
 use std::io::Read;
@@ -25,7 +26,7 @@ pub struct PlyRows {
 impl PlyRows {
     /// Reads the header. Only binary little-endian files without lists before or in their vertices are supported.
     pub fn open(path: &Path) -> Result<Self, PlyError> {
-        let file = File::open(path).map_err(PlyError::io(path, "open"))?;
+        let file = regular_file::open(path).map_err(PlyError::io(path, "open"))?;
         let n_bytes = file.metadata().map_err(PlyError::io(path, "get the size"))?.len();
         let mut bytes = Vec::new();
         (&file).take(MAX_HEADER as u64).read_to_end(&mut bytes).map_err(PlyError::io(path, "read"))?;

@@ -2,6 +2,7 @@
 
 use super::{TrajectoryError, line, poses_from_kitti, times_from_kitti, trajectory_from_csv, trajectory_from_tum};
 use files::problems::FileProblem;
+use files::regular_file;
 use geometry::{Pose, Stamp, Trajectory};
 use std::path::Path;
 
@@ -64,7 +65,8 @@ pub fn numbered(poses: &[Pose], period_nanos: i64) -> Trajectory {
 }
 
 fn read(path: &Path) -> Result<String, FileProblem> {
-    std::fs::read_to_string(path).map_err(|error| FileProblem::for_file(path, format!("cannot read the file: {error}")))
+    regular_file::read_to_string(path)
+        .map_err(|error| FileProblem::for_file(path, format!("cannot read the file: {error}")))
 }
 
 fn problem(path: &Path, error: &TrajectoryError) -> FileProblem {

@@ -2,11 +2,11 @@
 //! stamp is the middle of the revolution.
 
 use crate::error::{At, ImportError};
+use files::regular_file;
 use formats::cloud::{CloudPoint, FiredCloud, FiredPoint, check_points};
 use formats::cloud_fields::{Elevations, Rings};
 use formats::pcd::pcd_from_cloud;
 use lidar::SweepReader;
-use std::fs;
 use std::path::{Path, PathBuf};
 
 const ROW_BYTES: usize = 24;
@@ -30,7 +30,7 @@ pub(super) struct SweepFile {
 
 impl SweepFile {
     pub fn read(path: &Path, stamp: i64) -> Result<Self, ImportError> {
-        let bytes = fs::read(path).at(path)?;
+        let bytes = regular_file::read(path).at(path)?;
         let (rows, rest) = bytes.as_chunks::<ROW_BYTES>();
         if rows.is_empty() || !rest.is_empty() {
             let rule = format!("{} bytes must be rows of {ROW_BYTES} bytes: x y z intensity laser time", bytes.len());

@@ -1,7 +1,7 @@
 //! Clouds as text: one point per line, numbers between spaces, tabs, commas or semicolons.
 
 use crate::error::{At, ImportError};
-use std::fs::File;
+use files::regular_file;
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
@@ -20,7 +20,7 @@ pub(super) fn each_row(
     file: &Path,
     mut take: impl FnMut(&[f64]) -> Result<(), ImportError>,
 ) -> Result<(), ImportError> {
-    let mut reader = BufReader::with_capacity(1 << 20, File::open(file).at(file)?);
+    let mut reader = BufReader::with_capacity(1 << 20, regular_file::open(file).at(file)?);
     let mut line = Vec::new();
     let mut values = Vec::new();
     let mut n_values = 0;

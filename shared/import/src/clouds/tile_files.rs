@@ -1,10 +1,11 @@
 //! Files that hold the points of tiles until all points are known.
 
 use crate::error::{At, ImportError};
+use files::regular_file;
 use messages::SubmapPoint;
 use messages::pod::{bytes_from_rows, rows_from_bytes};
 use std::collections::BTreeMap;
-use std::fs::{self, File, OpenOptions};
+use std::fs::{self, OpenOptions};
 use std::io::{Read, Write};
 use std::path::PathBuf;
 
@@ -78,7 +79,7 @@ impl TileFiles {
         if !path.exists() {
             return Ok(());
         }
-        let mut file = File::open(&path).at(&path)?;
+        let mut file = regular_file::open(&path).at(&path)?;
         let mut left = file.metadata().at(&path)?.len() as usize / ROW_BYTES;
         while left > 0 {
             let n = left.min(MAX_POINTS);

@@ -6,10 +6,10 @@ use crate::files::files;
 use crate::numbered::number_of;
 use crate::plan::Conversion;
 use drive::is_return;
+use files::regular_file;
 use formats::kitti::{Label, bytes_from_labels, labels_from_bytes, points_from_bin};
 use formats::semantic_kitti::class_of_label;
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::{Path, PathBuf};
 
 /// The label files of a drive: one for each label file of a sweep.
@@ -37,8 +37,8 @@ pub(crate) fn conversions(place: &Path, folder: &Path, sweeps: &KittiSweeps) -> 
 
 /// The labels of the points that are returns.
 fn converted(sweep: &PathBuf, path: &PathBuf) -> Result<Vec<u8>, ImportError> {
-    let points = points_from_bin(&fs::read(sweep).at(sweep)?).at(sweep)?;
-    let labels = labels_from_bytes(&fs::read(path).at(path)?).at(path)?;
+    let points = points_from_bin(&regular_file::read(sweep).at(sweep)?).at(sweep)?;
+    let labels = labels_from_bytes(&regular_file::read(path).at(path)?).at(path)?;
     if labels.len() != points.len() {
         let rule = format!("{} labels, but {} has {} points", labels.len(), sweep.display(), points.len());
         return Err(ImportError::at(path, rule));

@@ -9,9 +9,9 @@ use crate::files::files;
 use crate::fixes;
 use crate::plan::Plan;
 use files::calendar::DAY_NANOS;
+use files::regular_file;
 use geometry::Stamp;
 use lidar::nmea::{Fix, Rmc, Sentence, is_null_island, parse};
-use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Values of a line of `*.gnss`. `height` is the height of the geoid above the ellipsoid.
@@ -40,7 +40,7 @@ pub(super) fn add(plan: &mut Plan, source: &Path) -> Result<(), ImportError> {
     }
     for path in &inputs {
         // A damaged line may not be text.
-        let bytes = fs::read(path).at(path)?;
+        let bytes = regular_file::read(path).at(path)?;
         let is_nmea = path.extension().is_some_and(|extension| extension == "nmea");
         for (number, line) in (1..).zip(bytes.split(|byte| *byte == b'\n')) {
             let line = String::from_utf8_lossy(line);

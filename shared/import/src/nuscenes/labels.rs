@@ -6,13 +6,13 @@ use super::table;
 use crate::error::{At, ImportError};
 use crate::plan::{Conversion, Plan};
 use drive::is_return;
+use files::regular_file;
 use formats::kitti::{Label, bytes_from_labels};
 use formats::nuscenes::points_from_bin;
 use geometry::{Point3, Pose};
 use messages::ClassId;
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
@@ -126,8 +126,8 @@ fn bytes(
     classes: &BTreeMap<u8, ClassId>,
     boxes: &[SweepBox],
 ) -> Result<Vec<u8>, ImportError> {
-    let points = points_from_bin(&fs::read(sweep).at(sweep)?).at(sweep)?;
-    let segments = segments.map(|path| Ok((path, fs::read(path).at(path)?))).transpose()?;
+    let points = points_from_bin(&regular_file::read(sweep).at(sweep)?).at(sweep)?;
+    let segments = segments.map(|path| Ok((path, regular_file::read(path).at(path)?))).transpose()?;
     if let Some((path, ids)) = segments.as_ref().filter(|(_, ids)| ids.len() != points.len()) {
         let rule = format!("{} labels, but {} has {} points", ids.len(), sweep.display(), points.len());
         return Err(ImportError::at(path, rule));

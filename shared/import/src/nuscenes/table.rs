@@ -1,10 +1,10 @@
 //! Tables: JSON arrays of rows, up to a gigabyte, so rows are read one at a time.
 
 use crate::error::{At, ImportError};
+use files::regular_file;
 use geometry::{Isometry3, Pose, Quaternion, UnitQuaternion};
 use serde::de::{DeserializeOwned, Deserializer, Error, SeqAccess, Visitor};
 use std::fmt;
-use std::fs::File;
 use std::io::BufReader;
 use std::marker::PhantomData;
 use std::path::{Component, Path, PathBuf};
@@ -17,7 +17,7 @@ pub(super) fn each_row<T: DeserializeOwned>(
     path: &Path,
     take: impl FnMut(T) -> Result<(), String>,
 ) -> Result<(), ImportError> {
-    let file = File::open(path).at(path)?;
+    let file = regular_file::open(path).at(path)?;
     let mut json = serde_json::Deserializer::from_reader(BufReader::new(file));
     json.deserialize_seq(Rows { take, row: PhantomData }).at(path)?;
     json.end().at(path)

@@ -2,6 +2,7 @@
 
 use crate::error::{At, ImportError};
 use crate::las::{GPS_TIME, raw_from_las};
+use files::regular_file;
 use formats::cloud::MAX_RANGE_M;
 use formats::cloud_fields::{CloudForm, FormBuilder, RawCloud, sampled};
 use formats::pcd::{pcd_from_cloud, raw_from_pcd};
@@ -17,12 +18,12 @@ pub(super) type Read = fn(&Path) -> Result<RawCloud, ImportError>;
 
 /// Reads a PCD file.
 pub(super) fn read_pcd(path: &Path) -> Result<RawCloud, ImportError> {
-    raw_from_pcd(&std::fs::read(path).at(path)?).at(path)
+    raw_from_pcd(&regular_file::read(path).at(path)?).at(path)
 }
 
 /// Reads a PLY file.
 pub(super) fn read_ply(path: &Path) -> Result<RawCloud, ImportError> {
-    let file = std::fs::read(path).at(path)?;
+    let file = regular_file::read(path).at(path)?;
     // The errors of the reader name the file.
     Vertices::decode(file, Path::new("PLY")).and_then(|vertices| vertices.raw_cloud()).at(path)
 }

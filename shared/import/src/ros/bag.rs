@@ -14,9 +14,9 @@ pub(crate) use topics::{Encoding, Topic};
 
 use crate::error::ImportError;
 use files::calendar::text_of_nanos;
+use files::regular_file;
 use folder::FolderFiles;
 use std::cell::Cell;
-use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 use topics::Topics;
@@ -71,7 +71,7 @@ enum Kind {
 impl Kind {
     fn from_file(path: &Path) -> io::Result<Option<Self>> {
         let mut begin = Vec::new();
-        File::open(path)?.take(16).read_to_end(&mut begin)?;
+        regular_file::open(path)?.take(16).read_to_end(&mut begin)?;
         let kinds = [(Self::Ros1, &b"#ROSBAG V"[..]), (Self::Mcap, mcap::MAGIC), (Self::Sqlite, b"SQLite format 3\0")];
         Ok(kinds.into_iter().find(|(_, mark)| begin.starts_with(mark)).map(|(kind, _)| kind))
     }

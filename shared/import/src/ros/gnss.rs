@@ -1,6 +1,7 @@
 //! Position fixes as NMEA sentences.
 
 use super::messages::NavSatFix;
+use files::regular_file;
 use geometry::Stamp;
 use lidar::nmea::{Fix, fixes, gga_from_fix, gga_without_fix, is_null_island, rmc_from_fix, rmc_without_fix};
 use std::fs::File;
@@ -60,7 +61,7 @@ impl Gnss {
     pub fn finish(mut self) -> io::Result<Option<[f64; 3]>> {
         self.log.flush()?;
         let mut begin = Vec::new();
-        File::open(&self.path)?.take(MAX_SEARCHED).read_to_end(&mut begin)?;
+        regular_file::open(&self.path)?.take(MAX_SEARCHED).read_to_end(&mut begin)?;
         let first = fixes(&begin).0.into_iter().find_map(|fix| Some((fix.position_deg, fix.altitude_m?)));
         Ok(first.map(|([latitude, longitude], altitude_m)| [latitude, longitude, altitude_m]))
     }

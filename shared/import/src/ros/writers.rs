@@ -224,12 +224,12 @@ impl<'a> Writers<'a> {
                     let image = Image::read(&mut c).map_err(fault)?;
                     let stamp = stamp(&mut self.n_unstamped, &image.header, message);
                     camera.images.add(stamp, &image).map_err(without_cameras)?;
-                    self.keep_frame(role, image.header.frame)?;
+                    self.keep_frame(role, &image.header.frame)?;
                 } else {
                     let image = CompressedImage::read(&mut c).map_err(fault)?;
                     let stamp = stamp(&mut self.n_unstamped, &image.header, message);
                     camera.images.add_compressed(stamp, &image).map_err(without_cameras)?;
-                    self.keep_frame(role, image.header.frame)?;
+                    self.keep_frame(role, &image.header.frame)?;
                 }
             }
             Use::Role(Role::CameraInfo(index)) => {
@@ -243,7 +243,7 @@ impl<'a> Writers<'a> {
                 if let Some(log) = &mut self.imu {
                     log.add(stamp, &imu).map_err(|error| error.to_string())?;
                 }
-                self.keep_frame(Role::Imu, imu.header.frame)?;
+                self.keep_frame(Role::Imu, &imu.header.frame)?;
             }
             Use::Role(Role::Gnss) => {
                 let fix = NavSatFix::read(&mut c).map_err(fault)?;
@@ -251,14 +251,14 @@ impl<'a> Writers<'a> {
                 if let Some(log) = &mut self.gnss {
                     log.add_fix(stamp, &fix)?;
                 }
-                self.keep_frame(Role::Gnss, fix.header.frame)?;
+                self.keep_frame(Role::Gnss, &fix.header.frame)?;
             }
             Use::Role(Role::Nmea) => {
                 let header = Header::read(&mut c.clone()).map_err(fault)?;
                 if let Some(log) = &mut self.gnss {
                     log.add_sentence(&sentence(&mut c).map_err(fault)?)?;
                 }
-                self.keep_frame(Role::Nmea, header.frame)?;
+                self.keep_frame(Role::Nmea, &header.frame)?;
             }
         }
         Ok(())
@@ -291,13 +291,13 @@ impl<'a> Writers<'a> {
                 frame
             }
         };
-        frame.map_or(Ok(()), |frame| self.keep_frame(role, frame))
+        frame.map_or(Ok(()), |frame| self.keep_frame(role, &frame))
     }
 
     /// Remembers the frame of a sensor. All its messages must be in the frame of the first one, whose mounting they get.
-    fn keep_frame(&mut self, role: Role, frame: String) -> Result<(), String> {
-        let first = self.frame_of.entry(role).or_insert_with(|| frame.clone());
-        if *first == frame {
+    fn keep_frame(&mut self, role: Role, frame: &str) -> Result<(), String> {
+        let first = self.frame_of.entry(role).or_insert_with(|| frame.to_owned());
+        if first == frame {
             return Ok(());
         }
         let wish = match role {

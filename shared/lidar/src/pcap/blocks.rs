@@ -1,6 +1,7 @@
 //! Records of a capture of either format: stamp, link type and captured bytes.
 
 use super::{Compression, Damage, PcapError};
+use files::regular_file;
 use geometry::Stamp;
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
@@ -91,7 +92,7 @@ impl Records {
     pub(super) fn open(path: &Path) -> Result<Self, PcapError> {
         let io = |cause| PcapError::Io { path: path.to_owned(), cause };
         // A buffer holds about 200 packets.
-        let mut file = BufReader::with_capacity(256 * 1024, File::open(path).map_err(io)?);
+        let mut file = BufReader::with_capacity(256 * 1024, regular_file::open(path).map_err(io)?);
         let mut magic = [0; 4];
         let damaged = |damage| PcapError::Damaged { path: path.to_owned(), offset: 0, damage };
         file.read_exact(&mut magic).map_err(|_| damaged(Damage::NoHeader))?;

@@ -1,8 +1,8 @@
 //! Compressed captures, which are not read: a run continues at a byte of a capture.
 
 use super::is_capture_name;
+use files::regular_file;
 use std::fmt;
-use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
@@ -54,7 +54,7 @@ impl Compression {
             return by_name;
         }
         let mut begin = [0; 4];
-        let read = File::open(path).and_then(|mut file| file.read_exact(&mut begin));
+        let read = regular_file::open(path).and_then(|mut file| file.read_exact(&mut begin));
         if is_capture_name(path) && read.is_ok() { Self::from_magic(begin) } else { None }
     }
 

@@ -4,8 +4,8 @@ use super::blocks::{Format, Next, Records};
 use super::{PcapError, last_stamp};
 use files::calendar::text_of_nanos;
 use files::names::{numbers, sort_by_name};
+use files::regular_file;
 use geometry::Stamp;
-use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -25,7 +25,7 @@ pub fn is_capture_name(path: &Path) -> bool {
 /// Whether a file begins as a capture.
 pub fn has_capture_magic(path: &Path) -> bool {
     let mut begin = [0; 4];
-    let read = File::open(path).and_then(|mut file| file.read_exact(&mut begin));
+    let read = regular_file::open(path).and_then(|mut file| file.read_exact(&mut begin));
     read.is_ok() && Format::from_magic(begin).is_some()
 }
 

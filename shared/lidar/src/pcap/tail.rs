@@ -2,8 +2,8 @@
 
 use super::PcapError;
 use super::blocks::{MAX_FRAME, Next, Records};
+use files::regular_file;
 use geometry::Stamp;
-use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
@@ -19,7 +19,7 @@ const MAX_STEP_NANOS: u64 = 3_600_000_000_000;
 pub fn last_stamp(path: &Path) -> Result<Option<Stamp>, PcapError> {
     let mut records = Records::open(path)?;
     let io = |cause| PcapError::Io { path: path.to_owned(), cause };
-    let mut file = File::open(path).map_err(io)?;
+    let mut file = regular_file::open(path).map_err(io)?;
     let size = file.metadata().map_err(io)?.len();
     let classic = records.classic().filter(|_| size > records.offset() + WINDOW);
     let Some((big_endian, fraction_nanos)) = classic else {

@@ -314,3 +314,35 @@ fn folder_that_is_no_finished_run_is_named_with_the_next_step() {
         assert!(said.matches("os error").count() <= 1 && !out.exists(), "{said}");
     }
 }
+
+/// Opening a pipe without writer would wait forever.
+#[test]
+fn pipes_in_place_of_files_end_in_an_error() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (run, _) = run_with_doubts(folder.path(), &json!([]));
+    let kitti = folder.path().join("kitti");
+    std::fs::create_dir_all(kitti.join("sequences/00/velodyne")).expect("made");
+    std::fs::write(kitti.join("sequences/00/velodyne/000000.bin"), [0; 160]).expect("written");
+    let bag = folder.path().join("bag");
+    std::fs::create_dir(&bag).expect("made");
+    let sequence = kitti.join("sequences/00");
+    let out = folder.path().join("out");
+    for (pipe, arguments) in [
+        (sequence.join("times.txt"), vec!["import", text(&sequence), text(&out)]),
+        (bag.join("metadata.yaml"), vec!["import", text(&bag), text(&out)]),
+        (folder.path().join("points.csv"), vec!["deliver", text(&run), "--out", text(&out), "--check-points"]),
+        (run.join("georeference.json"), vec!["deliver", text(&run), "--out", text(&out)]),
+        (run.join("summary.json"), vec!["deliver", text(&run), "--out", text(&out)]),
+    ] {
+        let _ = std::fs::remove_file(&pipe);
+        assert!(Command::new("mkfifo").arg(&pipe).status().expect("mkfifo").success());
+        let mut command = Command::new("timeout");
+        command.arg("60").arg(env!("CARGO_BIN_EXE_replica")).args(&arguments);
+        if arguments.last() == Some(&"--check-points") {
+            command.arg(&pipe);
+        }
+        let output = command.output().expect("timeout starts");
+        let said = printed(&output);
+        assert!(output.status.code().is_some_and(|code| code != 0 && code != 124), "{}: {said}", pipe.display());
+    }
+}

@@ -15,6 +15,7 @@ use drive::imu::ImuParser;
 use drive::manifest::{GnssEntry, ImuEntry, Manifest};
 use drive::{CameraRig, LiveRig};
 use files::atomic_file::write_atomic;
+use files::regular_file;
 use geometry::Stamp;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -193,7 +194,7 @@ fn start_log(key: &'static str, address: &LineAddress, path: &Path) -> Result<Li
 /// Start of the recording: now, or the time noted by an earlier process of the run.
 fn begin_of(recording: &Path) -> io::Result<Stamp> {
     let path = recording.join(BEGIN_FILE);
-    if let Some(begin) = fs::read_to_string(&path).ok().and_then(|text| text.trim().parse().ok()) {
+    if let Some(begin) = regular_file::read_to_string(&path).ok().and_then(|text| text.trim().parse().ok()) {
         return Ok(Stamp(begin));
     }
     let begin = now();

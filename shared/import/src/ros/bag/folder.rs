@@ -4,6 +4,7 @@ use super::Kind;
 use super::decompress::decompressed as stream;
 use crate::error::{At, ImportError};
 use crate::files::files as files_of;
+use files::regular_file;
 use std::fs::File;
 use std::io::{self, BufReader, Read};
 use std::path::{Component, Path, PathBuf};
@@ -29,7 +30,7 @@ pub(super) struct FolderFiles {
 
 pub(super) fn is_bag(folder: &Path) -> bool {
     let has_title = |text: String| text.starts_with("rosbag2_bagfile_information:");
-    std::fs::read_to_string(folder.join(METADATA)).is_ok_and(has_title) || !ros1_files(folder).is_empty()
+    regular_file::read_to_string(folder.join(METADATA)).is_ok_and(has_title) || !ros1_files(folder).is_empty()
 }
 
 /// Bags of ROS 1 in a folder, by name.
@@ -47,7 +48,7 @@ pub(super) fn files(folder: &Path) -> Result<FolderFiles, ImportError> {
     if path.metadata().at(&path)?.len() > MAX_METADATA {
         return Err(ImportError::at(&path, format!("has more than {MAX_METADATA} bytes")));
     }
-    let text = std::fs::read_to_string(&path).at(&path)?;
+    let text = regular_file::read_to_string(&path).at(&path)?;
     let mode = value(&text, "compression_mode:").unwrap_or_default().to_uppercase();
     let format = value(&text, "compression_format:").unwrap_or_default();
     let is_zstd = match (mode.as_str(), format) {
@@ -92,7 +93,7 @@ pub(super) fn decompressed(path: &Path, scratch: &Path) -> Result<PathBuf, Impor
     }
     std::fs::create_dir_all(scratch).at(scratch)?;
     let plain = scratch.join(path.file_stem().unwrap_or_default());
-    let file = File::open(path).at(path)?;
+    let file = regular_file::open(path).at(path)?;
     let limit = file.metadata().at(path)?.len().saturating_mul(MAX_RATIO);
     let content = stream(ZSTD, BufReader::new(file)).at(path)?;
     let mut out = File::create(&plain).at(&plain)?;

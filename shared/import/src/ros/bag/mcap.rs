@@ -14,6 +14,7 @@ use super::topics::{Encoding, Topics};
 use super::{Container, Each, Message};
 use crate::error::{At, ImportError};
 use body::Body;
+use files::regular_file;
 use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -53,7 +54,7 @@ struct Index {
 
 impl Mcap {
     pub fn open(path: &Path) -> Result<Self, ImportError> {
-        let mut file = BufReader::new(File::open(path).at(path)?);
+        let mut file = BufReader::new(regular_file::open(path).at(path)?);
         let n_bytes = file.get_ref().metadata().at(path)?.len();
         let magic = MAGIC.len() as u64;
         let end = n_bytes.checked_sub(magic + HEAD_BYTES + FOOTER_BYTES).filter(|end| *end >= magic);
@@ -128,7 +129,7 @@ impl Mcap {
 
     /// Reads the complete file. Adds its channels and counts to `index`. Returns the time of the earliest message.
     fn pass(&self, index: &mut Index, wanted: &[Cell<bool>], each: &mut Each<'_>) -> Result<Option<i64>, ImportError> {
-        let mut file = BufReader::new(File::open(&self.path).at(&self.path)?);
+        let mut file = BufReader::new(regular_file::open(&self.path).at(&self.path)?);
         let mut at = MAGIC.len() as u64;
         file.seek(SeekFrom::Start(at)).at(&self.path)?;
         let content_limit = ContentLimit::for_file(self.end);

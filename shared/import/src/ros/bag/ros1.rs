@@ -11,6 +11,7 @@ use super::record::{AtByte, Checked, Skip, array, array_or_end, read_bytes};
 use super::topics::{Encoding, Topics};
 use super::{Container, Each, Message};
 use crate::error::{At, ImportError};
+use files::regular_file;
 use header::Header;
 use std::cell::Cell;
 use std::collections::BTreeMap;
@@ -39,7 +40,7 @@ pub(super) struct Ros1 {
 
 impl Ros1 {
     pub fn open(path: &Path) -> Result<Self, ImportError> {
-        let mut file = BufReader::new(File::open(path).at(path)?);
+        let mut file = BufReader::new(regular_file::open(path).at(path)?);
         let n_bytes = file.get_ref().metadata().at(path)?.len();
         let mut magic = [0; MAGIC.len()];
         file.read_exact(&mut magic).at_byte(path, 0)?;
@@ -188,7 +189,7 @@ impl Container for Ros1 {
     }
 
     fn read(&mut self, wanted: &[Cell<bool>], each: &mut Each<'_>) -> Result<(), ImportError> {
-        let mut file = BufReader::new(File::open(&self.path).at(&self.path)?);
+        let mut file = BufReader::new(regular_file::open(&self.path).at(&self.path)?);
         let mut content_limit = ContentLimit::for_file(file.get_ref().metadata().at(&self.path)?.len());
         let mut end = 0;
         for at in &self.chunks {
