@@ -128,7 +128,7 @@ fn drive(run: &Run, differences: &[String], mode: Mode, folder: &Path, problems:
              with `replica simulate --out {}`",
             path.display(),
             written.unwrap_or("none"),
-            path.display()
+            files::shell::path(&path)
         ),
         false if is_live => {
             format!(

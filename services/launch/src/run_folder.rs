@@ -84,7 +84,8 @@ pub enum RunFolderError {
     },
     /// Another run holds the lock.
     #[error(
-        "{output}: another run is writing here; set another run.output, or end it with `replica stop --run {output}`"
+        "{output}: another run is writing here; set another run.output, or end it with `replica stop --run {}`",
+        files::shell::path(output)
     )]
     InUse {
         /// Folder of the results.

@@ -6,6 +6,7 @@
 //!
 //! - [`atomic_file`]: write to a temporary file, synchronize it, rename it.
 //! - [`regular_file`]: open and read files that users name; pipes, devices and endless files are refused.
+//! - [`shell`]: words of a shell, for commands in messages.
 //! - [`text_file`]: read a text of at most a given size; devices, folders and larger files are refused.
 //! - [`toml_file`], [`toml_nesting`]: parse TOML with the line of each key; deep nesting is refused before it is parsed.
 //! - [`problems`]: all faults of one file, reported together.
@@ -23,6 +24,7 @@ pub mod csv;
 pub mod names;
 pub mod problems;
 pub mod regular_file;
+pub mod shell;
 pub mod text_file;
 pub mod toml_file;
 pub mod toml_nesting;

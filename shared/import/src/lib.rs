@@ -103,7 +103,7 @@ pub fn import(source: &Path, out: &Path, options: &Options) -> Result<Vec<String
     }
     let partial = Partial::create(out)?;
     let plan = plan(kind, source, &partial.folder, options)?;
-    plan.write(&partial.folder)?;
+    let n_copied = plan.write(&partial.folder)?;
     let drive = Drive::open(&partial.folder).at(out)?;
     let n_sweeps = drive.sweep_files().len();
     let model = drive.model().name();
@@ -111,6 +111,9 @@ pub fn import(source: &Path, out: &Path, options: &Options) -> Result<Vec<String
     let plural = if n_sweeps == 1 { "" } else { "s" };
     let mut report = vec![format!("{}: {n_sweeps} {file}{plural} of {model} ({})", out.display(), kind.title())];
     report.extend(plan.report.iter().cloned());
+    if n_copied > 0 {
+        report.push(format!("{n_copied} files were copied: the file system of the drive has no links"));
+    }
     report.extend(readable::check(&drive, &partial.folder, out, kind == Kind::Pcd)?);
     let missing = drive.lidars().flat_map(|lidar| &lidar.missing.texts);
     report.extend(missing.map(|text| format!("files are missing, their time is left out: {text}")));

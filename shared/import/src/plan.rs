@@ -7,6 +7,8 @@ use drive::manifest::{Manifest, TruthEntry};
 use formats::trajectory::tum_from_trajectory;
 use geometry::Trajectory;
 use std::fs;
+use std::io::{self, ErrorKind};
+use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 
 /// Content of a drive folder, except for the files that are converted while the source is read.
@@ -58,11 +60,14 @@ impl Plan {
         });
     }
 
-    /// Writes the folder, which must exist and be empty.
-    pub fn write(&self, out: &Path) -> Result<(), ImportError> {
+    /// Writes the folder, which must exist and be empty. Returns the number of files that were copied, because their file
+    /// system has no links.
+    pub fn write(&self, out: &Path) -> Result<usize, ImportError> {
+        let mut n_copied = 0;
         for link in &self.links {
             let path = in_folder(out, &link.place)?;
-            std::os::unix::fs::symlink(&link.original, &path).at(&path)?;
+            n_copied +=
+                usize::from(link_or_copy(&link.original, &path, |original, path| symlink(original, path)).at(&path)?);
         }
         for file in &self.texts {
             let path = in_folder(out, &file.place)?;
@@ -74,7 +79,20 @@ impl Plan {
         }
         let path = out.join(MANIFEST_FILE);
         let text = toml::to_string(&self.manifest).at(&path)?;
-        fs::write(&path, text).at(&path)
+        fs::write(&path, text).at(&path)?;
+        Ok(n_copied)
+    }
+}
+
+/// Links a file by `link`. Copies it where the file system (exFAT, FAT, most network shares) refuses links. Returns whether
+/// it was copied.
+fn link_or_copy(original: &Path, path: &Path, link: impl Fn(&Path, &Path) -> io::Result<()>) -> io::Result<bool> {
+    match link(original, path) {
+        Ok(()) => Ok(false),
+        Err(error) if matches!(error.kind(), ErrorKind::PermissionDenied | ErrorKind::Unsupported) => {
+            fs::copy(original, path).map(|_| true)
+        }
+        Err(error) => Err(error),
     }
 }
 
@@ -84,4 +102,28 @@ fn in_folder(out: &Path, place: &Path) -> Result<PathBuf, ImportError> {
     let folder = path.parent().unwrap_or(out);
     fs::create_dir_all(folder).at(folder)?;
     Ok(path)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn file_is_copied_where_the_file_system_refuses_links() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let original = folder.path().join("a.pcd");
+        fs::write(&original, "points").expect("written");
+        let to = |name: &str| folder.path().join(name);
+        assert!(!link_or_copy(&original, &to("linked"), |a, b| symlink(a, b)).expect("linked"));
+        // EPERM of Linux, and EOPNOTSUPP.
+        for code in [1, 95] {
+            let copy = to(&format!("copied_{code}"));
+            let refuse = |_: &Path, _: &Path| Err(io::Error::from_raw_os_error(code));
+            assert!(link_or_copy(&original, &copy, refuse).expect("copied"));
+            assert!(copy.symlink_metadata().expect("a file").is_file());
+            assert_eq!(fs::read(&copy).expect("readable"), b"points");
+        }
+        let full = |_: &Path, _: &Path| Err(io::Error::from_raw_os_error(28));
+        assert!(link_or_copy(&original, &to("full"), full).is_err());
+    }
 }

@@ -10,7 +10,9 @@ use std::process::{Command, Stdio};
 pub fn write(output: &Path) {
     match try_write(output) {
         Ok(()) => tracing::info!("report: {}", output.join(REPORT_FILES[0]).display()),
-        Err(reason) => tracing::warn!("no report: {reason}; `replica report {}` writes it later", output.display()),
+        Err(reason) => {
+            tracing::warn!("no report: {reason}; `replica report {}` writes it later", files::shell::path(output));
+        }
     }
 }
 

@@ -128,7 +128,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
          drive were used",
         args.run.display(),
         run.index.clouds.len(),
-        args.run.display()
+        files::shell::path(&args.run)
     );
     // Errors of files are reported before the clouds are read, which takes longer.
     let check_points = args.check_points.as_deref().map(load_check_points).transpose()?;

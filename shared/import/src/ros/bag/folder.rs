@@ -58,7 +58,7 @@ pub(super) fn files(folder: &Path) -> Result<FolderFiles, ImportError> {
             let rule = format!(
                 "compression_mode {mode}, compression_format {format:?}: must be files or messages compressed by zstd; convert \
                  the bag: `ros2 bag convert -i {} -o out.yaml` with compression_mode \"\"",
-                folder.display()
+                files::shell::path(folder)
             );
             return Err(ImportError::at(&path, rule));
         }

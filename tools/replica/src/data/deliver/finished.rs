@@ -20,8 +20,9 @@ pub fn open_finished_run(folder: &Path, command: &str) -> anyhow::Result<(Summar
     if !Summary::file(folder).exists() {
         if folder.join(MANIFEST_FILE).exists() {
             bail!(
-                "{place}: is a drive, it has {MANIFEST_FILE}; {needs}\nhint: `replica-launch launch.toml --set run.drive={place} --set \
-                 run.output=out/NAME`, then `replica {command} out/NAME`"
+                "{place}: is a drive, it has {MANIFEST_FILE}; {needs}\nhint: `replica-launch launch.toml --set run.drive={} --set \
+                 run.output=out/NAME`, then `replica {command} out/NAME`",
+                files::shell::path(folder)
             );
         }
         if folder.join(DELIVERY).exists() {

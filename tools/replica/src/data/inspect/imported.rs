@@ -31,7 +31,7 @@ pub(super) fn rule(path: &Path) -> Option<String> {
         "{}: inspect reads drives, captures, PLY clouds, runs and recordings (.mcap) of runs, not *.{found}; make a drive of it and \
          inspect the drive: `replica import {} DRIVE && replica inspect DRIVE`",
         path.display(),
-        source.display()
+        files::shell::path(source)
     ))
 }
 

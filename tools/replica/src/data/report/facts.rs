@@ -10,6 +10,7 @@ use super::verdict::Verdict;
 use crate::data::inspect::drive::DriveReport;
 use crate::data::inspect::drive::stream::Stream;
 use delivery::GeoreferenceFile;
+use files::shell;
 use run::health::ReportedDoubt;
 use run::launch_file::LaunchFile;
 use run::summary::{Summary, Total};
@@ -215,10 +216,10 @@ impl Settings {
         let begun = run.begun.as_ref();
         let command = begun.and_then(|begun| {
             let changes = begun.changes.as_ref()?;
-            let mut command = format!("replica-launch {}", quoted(&begun.launch_file.display().to_string()));
+            let mut command = format!("replica-launch {}", shell::word(&begun.launch_file.display().to_string()));
             for (option, value) in changes.iter().map(Change::option) {
                 // Writing to a string cannot fail.
-                let _ = write!(command, " {option} {}", quoted(&value));
+                let _ = write!(command, " {option} {}", shell::word(&value));
             }
             Some(command + &selection(run, changes))
         });
@@ -240,27 +241,6 @@ fn selection(run: &FinishedRun, changes: &[Change]) -> String {
     let Ok(file) = LaunchFile::load(&run.folder.join("run/launch.toml"), changes) else { return String::new() };
     let tables = file.tables().into_iter().map(|(table, _)| table);
     let left_out = tables.filter(|table| !["run", "simulate", "replay"].contains(&table.as_str()) && !is_stage(table));
-    let options: Vec<String> = left_out.map(|table| format!(" --without {}", quoted(&table))).collect();
+    let options: Vec<String> = left_out.map(|table| format!(" --without {}", shell::word(&table))).collect();
     options.concat()
-}
-
-/// A text as one word of a shell.
-fn quoted(text: &str) -> String {
-    let is_plain = |c: char| c.is_ascii_alphanumeric() || "_-./=:,+@%".contains(c);
-    if !text.is_empty() && text.chars().all(is_plain) {
-        text.to_owned()
-    } else {
-        format!("'{}'", text.replace('\'', "'\\''"))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn word_of_a_shell_is_quoted_where_necessary() {
-        assert_eq!(quoted("run.drive=drives/a_b"), "run.drive=drives/a_b");
-        assert_eq!(quoted("a.b=[\"it's\"]"), "'a.b=[\"it'\\''s\"]'");
-    }
 }
