@@ -84,7 +84,7 @@ fn start<'scope>(
 struct Connections(Mutex<BTreeMap<IpAddr, usize>>);
 
 impl Connections {
-    /// A place for a client of this host; `None` if there is none left.
+    /// A place for a client of this host; `None` if all are taken.
     fn enter(&self, host: IpAddr) -> Option<Place<'_>> {
         let mut numbers = self.numbers();
         let n_all: usize = numbers.values().sum();

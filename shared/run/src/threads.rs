@@ -14,7 +14,7 @@ pub fn max_threads() -> usize {
     (n_processors * MAX_PER_PROCESSOR).max(MIN_BOUND)
 }
 
-/// The number that replaces the one of the environment. `None`: the environment has none, or one within the bound.
+/// The number that replaces the one of the environment. `None`: the environment does not set it, or within the bound.
 pub fn bounded_environment() -> Option<usize> {
     bounded(|name| std::env::var(name).ok(), max_threads())
 }

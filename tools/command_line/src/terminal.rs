@@ -51,7 +51,7 @@ macro_rules! say_error {
 
 /// See [`say_error`].
 pub fn print_error_line(line: Arguments<'_>) {
-    // Without stderr, there is nobody to tell.
+    // Without stderr, the line is lost.
     let _ = writeln!(io::stderr(), "{}", printable(&line.to_string()));
 }
 

@@ -38,9 +38,9 @@ pub struct ObservedStage {
     pub last_heartbeat: Duration,
     /// Time at which its progress or its activity last changed.
     pub last_progress: Duration,
-    /// Time since its last heartbeat in which it wanted a processor and had none: it does not count as silence.
+    /// Time since its last heartbeat in which it waited for a processor: it does not count as silence.
     pub starved_since_heartbeat: Duration,
-    /// Time since its last progress in which it wanted a processor and had none: it does not count as a stall.
+    /// Time since its last progress in which it waited for a processor: it does not count as a stall.
     pub starved_since_progress: Duration,
     /// Error of reading its last heartbeat.
     pub heartbeat_error: Option<String>,
@@ -106,7 +106,7 @@ pub struct Fault {
 pub struct Counted {
     /// Time that counts, s.
     pub seconds: f64,
-    /// Further time, in which the stage wanted a processor and had none, s.
+    /// Further time, in which the stage waited for a processor, s.
     pub starved_s: f64,
 }
 

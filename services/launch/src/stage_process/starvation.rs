@@ -38,8 +38,8 @@ struct Look {
 }
 
 impl Starvation {
-    /// Looks at a process. Once a second: the part of the past interval in which it wanted a processor and had none.
-    /// Zero if the operating system does not tell.
+    /// Looks at a process. Once a second: the part of the past interval in which it waited for a processor. Zero
+    /// without /proc.
     pub fn look(&mut self, pid: u32) -> Duration {
         let Some(look) = Look::at(pid) else { return Duration::ZERO };
         let n_processors = std::thread::available_parallelism().map_or(1, usize::from);

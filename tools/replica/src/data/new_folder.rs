@@ -13,11 +13,11 @@ use std::path::{Path, PathBuf};
 
 /// Holds the files until the command has finished.
 const UNFINISHED: &str = ".unfinished";
-/// In `.unfinished`: locked by the command.
+/// File in `.unfinished` that the command locks.
 const LOCK: &str = "lock";
-/// In `.unfinished`: names of the entries that are being moved, one per line.
+/// File in `.unfinished` with the names of the entries that are being moved, one per line.
 const MOVED: &str = "moved";
-/// In `.unfinished`: the files.
+/// Folder in `.unfinished` with the files.
 const FILES: &str = "files";
 
 /// The folder, locked for this command.

@@ -48,11 +48,11 @@ pub struct Accuracy {
 /// Accuracy of positions on the earth: 95 % of the errors are smaller, at the least accurate submap.
 #[derive(Debug, Serialize)]
 pub struct Absolute {
-    /// Horizontally, m.
+    /// Radius of the horizontal errors, m.
     pub ce95_m: f64,
-    /// In height, m.
+    /// Error of the height, m.
     pub le95_m: f64,
-    /// Of the heading, degrees.
+    /// Error of the heading, degrees.
     pub heading95_deg: f64,
     /// What positions of this accuracy are used for.
     pub r#use: &'static str,
@@ -62,9 +62,9 @@ pub struct Absolute {
 /// subtracted. Includes the noise of the fixes.
 #[derive(Debug, Serialize)]
 pub struct Relative {
-    /// Horizontally, m.
+    /// Horizontal distance, m.
     pub horizontal95_m: f64,
-    /// In height, m; `None` without heights of fixes.
+    /// Distance in height, m; `None` without heights of fixes.
     pub up95_m: Option<f64>,
     /// Number of compared fixes.
     pub n_fixes: usize,
