@@ -2,6 +2,7 @@
 
 use super::DriveLidar;
 use super::clouds::{Rings, returns};
+use super::lidars::median_interval_nanos;
 use files::regular_file;
 use formats::cloud::{FiredCloud, FiredPoint, MAX_RANGE_M};
 use formats::cloud_fields::{
@@ -99,13 +100,10 @@ impl CloudReader {
             }
             _ => {
                 let raw = pcd::raw_from_pcd(&bytes)?;
-                // Its error names the reason; the origin belongs to the recording.
-                raw.map_origin()?;
+                // Its error names the reason; the origin itself belongs to the recording.
+                let is_map = raw.map_origin()?.is_some();
                 let cloud = self.form.fired(&raw, stamp.0)?;
-                raw.check_extent(
-                    raw.has_map_coordinates().then_some(self.form.origin).flatten(),
-                    f64::from(MAX_RANGE_M),
-                )?;
+                raw.check_extent(self.form.origin.filter(|_| is_map), f64::from(MAX_RANGE_M))?;
                 self.returns(&cloud)?
             }
         };
@@ -136,7 +134,8 @@ impl CloudReader {
 /// The form of PCD files.
 fn pcd_form(of: &DriveLidar) -> CloudForm {
     let n_beams = u16::try_from(of.lidar.n_rings()).ok().filter(|n| *n > 0);
-    let mut builder = FormBuilder::for_drive(interval_s(&of.stamps), n_beams);
+    let interval_s = median_interval_nanos(&of.stamps).map(|nanos| nanos as f64 * 1e-9);
+    let mut builder = FormBuilder::for_drive(interval_s, n_beams);
     let files: Vec<_> = of.files.iter().zip(&of.stamps).collect();
     for (path, stamp) in sampled(&files) {
         if let Some(cloud) = regular_file::read(path).ok().and_then(|bytes| pcd::raw_from_pcd(&bytes).ok()) {
@@ -162,13 +161,6 @@ fn rows_scale(of: &DriveLidar) -> IntensityScale {
         sample.add_values(ValueType::F32, intensities.into_iter());
     }
     sample.scale()
-}
-
-/// Median time from one stamp to the next, s; `None` for a single sweep.
-fn interval_s(stamps: &[Stamp]) -> Option<f64> {
-    let mut intervals: Vec<i64> = stamps.windows(2).map(|pair| pair[1].0.saturating_sub(pair[0].0)).collect();
-    let middle = intervals.len() / 2;
-    (!intervals.is_empty()).then(|| *intervals.select_nth_unstable(middle).1 as f64 * 1e-9)
 }
 
 #[cfg(test)]

@@ -228,15 +228,20 @@ fn stamps_of_sweeps(text: &str, n_sweeps: usize) -> Result<Vec<Stamp>, String> {
         }
         stamps.push(stamp);
     }
-    let mut intervals: Vec<i64> = stamps.windows(2).map(|pair| pair[1].0.saturating_sub(pair[0].0)).collect();
-    intervals.sort_unstable();
-    match intervals.get(intervals.len() / 2) {
-        Some(median) if *median < MIN_INTERVAL_NANOS && stamps[0].0 >= MIN_SECONDS => Err(format!(
+    match median_interval_nanos(&stamps) {
+        Some(median) if median < MIN_INTERVAL_NANOS && stamps[0].0 >= MIN_SECONDS => Err(format!(
             "its stamps have a median interval of {median} ns, and sweeps are at least {MIN_INTERVAL_NANOS} ns apart: check their unit"
         )),
         _ if stamps.len() == n_sweeps => Ok(stamps),
         _ => Err(format!("it has {}", stamps.len())),
     }
+}
+
+/// Median time from one stamp to the next; `None` for a single stamp.
+pub(super) fn median_interval_nanos(stamps: &[Stamp]) -> Option<i64> {
+    let mut intervals: Vec<i64> = stamps.windows(2).map(|pair| pair[1].0.saturating_sub(pair[0].0)).collect();
+    let middle = intervals.len() / 2;
+    (!intervals.is_empty()).then(|| *intervals.select_nth_unstable(middle).1)
 }
 
 /// Least median time between sweeps: no LiDAR has more than 500 sweeps per second.

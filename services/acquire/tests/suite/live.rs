@@ -8,7 +8,7 @@ use lidar::pcap::PacketReader;
 use lidar::velodyne::{DATA_PACKET_BYTES, POSITION_PACKET_BYTES, PulseStatus, encode_position_packet};
 use messages::{GnssTopic, SweepTopic, pod};
 use stage::testing::{Bench, context};
-use stage::{Context, Flow, Mode, Received, Stage, StepError};
+use stage::{Context, Flow, Mode, Received, Stage};
 use std::fs;
 use std::net::{SocketAddr, UdpSocket};
 use std::path::{Path, PathBuf};
@@ -72,7 +72,7 @@ pub(crate) struct Sensor {
     position: SocketAddr,
     capture: PathBuf,
     /// Size of the capture with all packets sent so far.
-    n_bytes: u64,
+    pub(crate) n_bytes: u64,
 }
 
 impl Sensor {
@@ -87,6 +87,12 @@ impl Sensor {
     /// Continues the sensor, whose packets go to the next capture.
     fn continued(self, capture: PathBuf) -> Self {
         Self { capture, n_bytes: 24, ..self }
+    }
+
+    /// A sender on another port. Its packets go to the same capture.
+    pub(crate) fn on_another_port(&self) -> Self {
+        let socket = UdpSocket::bind("127.0.0.1:0").expect("binds");
+        Self { socket, capture: self.capture.clone(), ..*self }
     }
 
     pub(crate) fn send(&mut self, packets: &[Vec<u8>]) {
@@ -136,7 +142,7 @@ fn take(bench: &mut Bench<Acquire>) -> Tick {
 }
 
 /// Ticks until this number of packets is decoded. Empty ticks are left out.
-fn ticks_to_decode(bench: &mut Bench<Acquire>, n_packets: usize) -> Vec<Tick> {
+pub(crate) fn ticks_to_decode(bench: &mut Bench<Acquire>, n_packets: usize) -> Vec<Tick> {
     let mut ticks = Vec::new();
     let deadline = Instant::now() + TIMEOUT;
     let kinds = ["data_packets", "position_packets", "foreign_packets", "short_packets"];
@@ -151,7 +157,7 @@ fn ticks_to_decode(bench: &mut Bench<Acquire>, n_packets: usize) -> Vec<Tick> {
 }
 
 /// Ticks until all packets are decoded, then drains as the runner does. Empty ticks are left out.
-fn ticks_to_drain(bench: &mut Bench<Acquire>, n_packets: usize) -> Vec<Tick> {
+pub(crate) fn ticks_to_drain(bench: &mut Bench<Acquire>, n_packets: usize) -> Vec<Tick> {
     let mut ticks = ticks_to_decode(bench, n_packets);
     bench.finish().expect("finishes");
     ticks.push(take(bench));
@@ -172,7 +178,7 @@ fn ticks_to_end(bench: &mut Bench<Acquire>) -> Vec<Tick> {
 }
 
 /// The ticks of a run on the recording, and its bench with the counters.
-fn offline(recording: &Path) -> (Vec<Tick>, Bench<Acquire>) {
+pub(crate) fn offline(recording: &Path) -> (Vec<Tick>, Bench<Acquire>) {
     let settings = Settings { trigger_hz: 0.0, ..Settings::default() };
     assert_eq!(Acquire::check(&settings, &context(recording)), []);
     let mut bench = Bench::new(&settings, &context(recording)).expect("opens");
@@ -278,90 +284,6 @@ fn step_without_packets_publishes_nothing() {
         assert_eq!(bench.tick().expect("steps"), Flow::Continue);
         assert!(take(&mut bench).is_empty());
     }
-}
-
-#[test]
-fn run_that_never_receives_a_packet_fails_with_the_address() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let settings = Settings { quiet_s: 0.1, ..settings() };
-    let mut bench = Bench::<Acquire>::new(&settings, &live(folder.path())).expect("opens");
-    let deadline = Instant::now() + TIMEOUT;
-    let error = loop {
-        assert!(Instant::now() < deadline, "the run does not fail");
-        match bench.tick() {
-            Ok(flow) => assert_eq!(flow, Flow::Continue),
-            Err(error) => break error,
-        }
-    };
-    // The process is not restarted.
-    assert!(matches!(error, StepError::Configuration(_)), "{error:?}");
-    let error = error.to_string();
-    assert!(error.contains(&settings.listen) && error.contains("no packet in"), "{error}");
-}
-
-#[test]
-fn sensor_that_returns_from_another_port_is_followed_and_a_doubt() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let packets = simulated(folder.path());
-    let settings = settings();
-    let capture = folder.path().join("recording/lidar/000.pcap");
-    let mut bench = Bench::<Acquire>::new(&settings, &live(folder.path())).expect("opens");
-    let mut sensor = Sensor::new(&settings, capture.clone());
-    let (first, second) = packets.split_at(4500);
-    sensor.send(first);
-    let mut ticks = ticks_to_decode(&mut bench, first.len());
-    // The kernel stamps the packets, so the silence must be real.
-    let back = Instant::now() + Duration::from_millis(1200);
-    while Instant::now() < back {
-        assert_eq!(bench.tick().expect("steps"), Flow::Continue);
-    }
-    let mut sensor = Sensor { n_bytes: sensor.n_bytes, ..Sensor::new(&settings, capture) };
-    sensor.send(second);
-    ticks.extend(ticks_to_drain(&mut bench, packets.len()));
-    assert_eq!((bench.counter("source_changes"), bench.counter("foreign_packets")), (1, 0));
-    let silent_s = bench.doubt("source_changed").expect("is doubted");
-    assert!(silent_s > 1.1, "{silent_s} s");
-    assert_eq!(bench.doubt("second_source"), None);
-    let (reference, of_recording) = offline(&folder.path().join("recording"));
-    assert!(ticks.concat() == reference.concat(), "live and recorded messages differ");
-    assert_eq!(of_recording.counter("source_changes"), 1);
-    assert!(reference.len() > 40, "{} sweeps", reference.len());
-}
-
-#[test]
-fn second_sender_at_the_same_time_is_a_doubt_and_changes_no_sweep() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let packets = simulated(folder.path());
-    let settings = settings();
-    let capture = folder.path().join("recording/lidar/000.pcap");
-    let mut bench = Bench::<Acquire>::new(&settings, &live(folder.path())).expect("opens");
-    let mut sensor = Sensor::new(&settings, capture.clone());
-    sensor.send(&packets[..4500]);
-    let mut other = Sensor { n_bytes: sensor.n_bytes, ..Sensor::new(&settings, capture) };
-    let data = packets.iter().find(|packet| packet.len() == DATA_PACKET_BYTES).expect("has one").clone();
-    let wait = |bench: &mut Bench<Acquire>| {
-        let end = Instant::now() + Duration::from_millis(150);
-        while Instant::now() < end {
-            bench.tick().expect("steps");
-        }
-    };
-    let mut n_other = 0_u32;
-    for piece in packets[4500..].chunks(500) {
-        other.n_bytes = sensor.n_bytes;
-        other.send(std::slice::from_ref(&data));
-        n_other += 1;
-        wait(&mut bench);
-        sensor.n_bytes = other.n_bytes;
-        sensor.send(piece);
-    }
-    while bench.counter("data_packets") + bench.counter("position_packets") < packets.len() as u64 {
-        assert_eq!(bench.tick().expect("steps"), Flow::Continue);
-    }
-    bench.finish().expect("finishes");
-    assert_eq!(bench.counter("source_changes"), 0);
-    // The first packet of the second sender may still be the first of a sensor that returns.
-    assert_eq!(bench.doubt("second_source"), Some(f64::from(n_other - 1)));
-    assert_eq!(bench.counter("foreign_packets"), u64::from(n_other));
 }
 
 #[test]

@@ -3,6 +3,7 @@
 mod doubts;
 mod live;
 mod live_rig;
+mod live_senders;
 mod live_two_lidars;
 mod secondary_lidars;
 mod step;

@@ -114,7 +114,7 @@ impl RawCloud {
         for index in returns {
             let [x, y, z] = relative(self.positions[index], origin);
             n += 1;
-            n_far += usize::from((x * x + y * y + z * z).sqrt() > limit_m);
+            n_far += usize::from(x * x + y * y + z * z > limit_m * limit_m);
         }
         if n_far as f64 > MAX_FAR * n as f64 {
             return Err(CoordinateFault::Map { percent: 100.0 * n_far as f64 / n as f64, limit_m });
