@@ -6,7 +6,7 @@ mod plane;
 mod report;
 
 pub use file::{CheckPoint, check_points_from_csv, load_check_points};
-pub use report::{Accuracy, AxisAccuracy};
+pub use report::{Accuracy, AxisAccuracy, percentile};
 
 use crate::cloud::{self, Cloud};
 use crate::error::DeliverError;

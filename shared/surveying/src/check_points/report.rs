@@ -43,8 +43,8 @@ impl Accuracy {
             |k: usize| AxisAccuracy::from_residuals(&horizontal.iter().map(|residual| residual[k]).collect::<Vec<_>>());
         Self {
             axes: [axis(0), axis(1), AxisAccuracy::from_residuals(&up)],
-            ce90_m: percentile_90(horizontal.iter().map(|[x, y]| x.hypot(*y)).collect()),
-            le90_m: percentile_90(up.iter().map(|up| up.abs()).collect()),
+            ce90_m: percentile(horizontal.iter().map(|[x, y]| x.hypot(*y)).collect(), 0.9),
+            le90_m: percentile(up.iter().map(|up| up.abs()).collect(), 0.9),
         }
     }
 
@@ -65,10 +65,11 @@ impl Accuracy {
     }
 }
 
-/// The value that 90 % of the values do not exceed, linear between the sorted values. `None` without values.
-fn percentile_90(mut values: Vec<f64>) -> Option<f64> {
+/// The value that this share of the values (0 to 1) does not exceed, linear between the sorted values. `None` without
+/// values.
+pub fn percentile(mut values: Vec<f64>, share: f64) -> Option<f64> {
     values.sort_by(f64::total_cmp);
-    let at = 0.9 * values.len().checked_sub(1)? as f64;
+    let at = share * values.len().checked_sub(1)? as f64;
     let below = values[at.floor() as usize];
     let above = values[at.ceil() as usize];
     Some(below + (above - below) * at.fract())

@@ -8,6 +8,7 @@ use super::finished_run::FinishedRun;
 use super::place::Place;
 use page::Level;
 use serde::Serialize;
+use surveying::check_points::percentile;
 
 /// From the root of the summed variances of both horizontal axes to the radius with 95 % of the positions, for equal
 /// axes (FGDC-STD-007.3-1998, NSSDA: 1.7308 RMSE).
@@ -28,6 +29,8 @@ const USES: [Use; 5] = [
 const LOCAL_USE: &str = "shapes and distances, not positions on the earth";
 /// The largest error (95 %) of a green line, m.
 const MAX_GREEN_M: f64 = 0.5;
+/// The share of the errors that is stated.
+const SHARE: f64 = 0.95;
 /// Fewer fixes give no 95 % of their differences.
 const MIN_FIXES: usize = 20;
 
@@ -143,8 +146,8 @@ impl Relative {
         let mean_up = up.iter().sum::<f64>() / up.len() as f64;
         let up: Vec<f64> = up.iter().map(|d| (d - mean_up).abs()).collect();
         Some(Self {
-            horizontal95_m: percentile_95(horizontal.iter().map(|[e, n]| (e - east).hypot(n - north)).collect())?,
-            up95_m: if up.len() < MIN_FIXES { None } else { percentile_95(up) },
+            horizontal95_m: percentile(horizontal.iter().map(|[e, n]| (e - east).hypot(n - north)).collect(), SHARE)?,
+            up95_m: if up.len() < MIN_FIXES { None } else { percentile(up, SHARE) },
             n_fixes: horizontal.len(),
         })
     }
@@ -164,13 +167,6 @@ impl Relative {
 
 fn level(error_m: f64) -> Level {
     if error_m <= MAX_GREEN_M { Level::Green } else { Level::Amber }
-}
-
-/// The smallest value that at least 95 % of the values do not exceed.
-fn percentile_95(mut values: Vec<f64>) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    let rank = (values.len() * 95).div_ceil(100);
-    values.get(rank.saturating_sub(1)).copied()
 }
 
 #[cfg(test)]
@@ -205,7 +201,6 @@ mod tests {
         assert!((relative.horizontal95_m - 0.1).abs() < 1e-9 && relative.up95_m == Some(0.0));
         assert_eq!(relative.line().level, Level::Green);
         assert!(Relative::from_differences(&horizontal[..19], &[]).is_none());
-        assert_eq!(percentile_95((1..=20).map(f64::from).collect()), Some(19.0));
         let unknown = Accuracy { absolute: None, relative: None };
         assert!(unknown.lines().iter().all(|line| line.level == Level::Amber && line.text.contains("unknown")));
     }
