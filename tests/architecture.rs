@@ -190,6 +190,32 @@ fn targets_that_are_not_tested_contain_no_tests() {
     assert!(n_targets > 20, "{n_targets} targets without tests were found");
 }
 
+/// Packages that a build of this selection compiles, each with its features.
+fn features(selection: &[&str]) -> BTreeSet<String> {
+    let output = Command::new(env!("CARGO"))
+        .args(["tree", "--offline", "--locked", "--prefix", "none", "--format", "{p} with {f}"])
+        .args(selection)
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .output()
+        .expect("cargo starts");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let lines = String::from_utf8(output.stdout).expect("text");
+    // A package that is listed again ends with an asterisk.
+    lines.lines().map(|line| line.trim_end_matches(" (*)").to_owned()).filter(|line| !line.is_empty()).collect()
+}
+
+/// One different feature of a low crate compiles everything above it again: four minutes for the wheel.
+#[test]
+fn commands_of_the_readme_and_the_wheel_compile_each_crate_once() {
+    let tests = features(&["--workspace", "--edges", "normal,build,dev"]);
+    for selection in [&[][..], &["-p", "replica-python"][..]] {
+        let built = features(&[&["--edges", "normal,build"], selection].concat());
+        assert!(built.len() > 100, "{built:?}");
+        let others: Vec<&String> = built.difference(&tests).collect();
+        assert!(others.is_empty(), "{selection:?} and the tests need different features of {others:?}");
+    }
+}
+
 #[test]
 fn foreign_stage_needs_only_the_stage_crate() {
     let packages = packages();

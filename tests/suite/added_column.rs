@@ -127,7 +127,8 @@ fn added_column_is_in_clouds_deliveries_and_pictures() {
     let software = "software".to_owned();
     let options = CloudOptions { has_bands: false, system, software, note: String::new() };
     let tiling = Tiling { side_m: 0, is_compressed: false };
-    let files = write_tiles(&finished, &frame, &options, tiling, &out, |_| ()).expect("writes").files;
+    let files =
+        write_tiles(std::slice::from_ref(&finished), &frame, &options, tiling, &out, |_| ()).expect("writes").files;
     let las = std::fs::read(out.join(&files[0].file)).expect("reads");
     let word = |at: usize| u32::from_le_bytes(las[at..at + 4].try_into().expect("4 bytes"));
     let description = las.windows(17).position(|bytes| bytes == b"water content, %\0").expect("is described");

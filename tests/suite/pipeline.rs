@@ -163,7 +163,8 @@ fn real_sweeps_without_cameras_are_mapped() {
             reference.push(geometry::Stamp(index as i64), pose);
         }
         let ratio = estimate.length_m() / reference.length_m();
-        assert!((0.98..1.02).contains(&ratio), "the path is {ratio} times as long as the path of {name}");
+        // From the first shot to the last one there is up to one sweep of 21 more than between the middles.
+        assert!((0.98..1.05).contains(&ratio), "the path is {ratio} times as long as the path of {name}");
         let off = (end - reference.poses().last().expect("poses").1.translation.vector).norm();
         assert!(off < 0.3, "the end is {off} m from the end of {name}");
         ends.push(off);

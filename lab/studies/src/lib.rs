@@ -4,9 +4,9 @@
 //! | studies | subject |
 //! |---|---|
 //! | `bench_*`, `*_bench`, `operators`, `throughput`, `live_load` | time and memory of kernels, networks, readers, the link |
-//! | `odometry`, `sweeps_of_drive`, `place_drives` | odometry next to other programs; placement of drives |
+//! | `odometry`, `sweeps_of_drive`, `place_drives`, `place_recorded_drive`, `place_slam_path` | odometry next to other programs; placement of drives |
 //! | `color_truth`, `color_seams`, `offset_of_run` | colors, spectra and offsets of a run against its simulated town |
-//! | `town_scores` | instances, and the effect of each setting |
+//! | `town_scores`, `street_boxes` | instances, and the effect of each setting; vehicles and people of real streets with boxes |
 //! | `compare_sweeps`, `gnss_error`, `town_map`, `camera_pictures`, `catalogue`, `material_spectra` | the simulator next to reality; its pictures |
 //! | `write_ground_model` | writes `models/ground.safetensors` |
 //!

@@ -120,7 +120,7 @@ impl SweepFolder {
             let (stamp, numbers) = line.split_once(',').context("velocities.csv: stamp,east,north,sigma")?;
             let numbers: Vec<f64> = rows(numbers, ',')?.concat();
             let [east, north, sigma] = numbers[..] else { anyhow::bail!("velocities.csv: {line:?}") };
-            Ok(GroundVelocity { stamp: Stamp(stamp.parse()?), east_north: [east, north], sigma })
+            Ok(GroundVelocity { stamp: Stamp(stamp.parse()?), east_north: [east, north], sigma, late_sigma_s: 0.0 })
         };
         text.lines().map(velocity).collect()
     }

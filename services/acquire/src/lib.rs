@@ -83,7 +83,8 @@ stage::settings! {
         pub max_clock_offset_ms: f64 = 20.0 => stage::within(0.1, 1e6);
         /// Live: folder of the raw recording inside the output folder; it must not contain an earlier recording.
         pub recording: String = "recording".to_owned() => stage::any();
-        /// Live: time without packets after which the run ends, s; 0 = never. It fails if no packet has ever arrived.
+        /// Live: time without packets after which the run ends, s; 0 = never, and a note says that the run waits. It fails if no
+        /// packet has ever arrived.
         pub quiet_s: f64 = 0.0 => stage::within(0.0, 86_400.0);
         /// Live: time with packets and without a sweep after which the run fails, s; 0 = never. The model is detected after at most 3 s.
         pub max_undecoded_s: f64 = 5.0 => stage::within(0.0, 3600.0);

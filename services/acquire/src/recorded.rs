@@ -12,7 +12,7 @@ use messages::{ImuTopic, SweepTopic};
 use stage::{Context, Flow, Loan, Outputs, Problem, StepError, decode_state, encode_state};
 
 /// Incremented when the saved state changes its meaning.
-const STATE_VERSION: u32 = 10;
+const STATE_VERSION: u32 = 11;
 
 /// A sweep, and the message with its points.
 struct ReadSweep {

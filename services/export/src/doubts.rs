@@ -64,8 +64,7 @@ impl<C: ColumnTable> Export<C> {
         };
         let Some(reason) = reason else { return Ok(()) };
         Err(StepError::configuration(format!(
-            "frame = \"utm\": {reason}; the clouds are in local coordinates (see index.json); use frame = \"world\", or accept \
-             the heading with max_heading_deviation_deg = 180"
+            "frame = \"utm\": {reason}; the clouds are in local coordinates (see index.json); use frame = \"world\""
         )))
     }
 }

@@ -26,7 +26,8 @@ use messages::{CLASS_TABLE_VERSION, ClassHeader, ClassTopic, ColorTopic, Spectra
 use segmentation::intensity::{ForeignIntensity, IntensityUse};
 use segmentation::spherical::AskedColumns;
 use segmentation::{
-    ComputeDevice, ModelInput, MountingFault, Options, Refinement, Report, Segmenter, SpectraColumn, UnknownBelow,
+    ComputeDevice, LidarAboveGround, ModelInput, MountingFault, Options, Refinement, Report, Segmenter, SpectraColumn,
+    UnknownBelow,
 };
 use stage::{
     Context, Flow, Inputs, JoinedSubmap, Outputs, Port, Problem, Received, SavedColumn, Stage, StateBytes, StepError,
@@ -43,7 +44,8 @@ stage::settings! {
         /// votes of nearby points. 1 is all sweeps. A fused model multiplies it by its own number.
         pub every: u32 = 1 => stage::within(1, 16);
         /// Use of the intensities by the model: `raw` as recorded, `normalized` scaled ring by ring to the training
-        /// with the ground as reference, `off` unused, `auto` as recorded, but normalized where the scale differs.
+        /// with the ground as reference, `off` unused, `auto` as recorded, but normalized where the scale differs, and unused
+        /// where the ground has only a few different ones.
         pub intensity: IntensityUse = IntensityUse::Auto => stage::one_word();
         /// Device of the network: `cpu`, or `cuda` for the first NVIDIA GPU. `cuda` needs a program built with `cargo
         /// build --release -p infer -p replica_lab --features cuda`. Its sums are rounded differently, so some classes
@@ -52,6 +54,9 @@ stage::settings! {
         /// Sweeps that go through the network together: in parallel on a CPU, as one tensor on a GPU. On a CPU, every value uses all
         /// threads and gives the same classes; larger values need more memory.
         pub batch: u32 = 1 => stage::within(1, 64);
+        /// Number of views of a submap that vote on the classes: 1 is the submap itself, then two tilted by 3 degrees, a smaller,
+        /// a larger and a mirrored copy. Each view takes as much CPU time as the submap; classes and scores become more accurate.
+        pub views: u32 = 1 => stage::within(1, segmentation::MOST_VIEWS as u32);
         /// Score below which a point gets the class `unlabeled`, 0 to 1. It keeps its score. The counter
         /// `unknown_points` has the number of these points. 0 keeps every class. `replica-lab evaluate classes` prints
         /// how many points a threshold keeps, and how many of the kept points are correct.
@@ -59,6 +64,20 @@ stage::settings! {
         /// Relabel terrain and unpaved ground as vegetation where the ground is rough: low vegetation is as low, but
         /// rougher.
         pub rough_ground: bool = true => stage::any();
+        /// Give clusters of vehicle points their second class if nothing in them is 0.6 m above the ground, or if they have
+        /// fewer than 10 points: no vehicle looks like this.
+        pub vehicle_shape: bool = true => stage::any();
+        /// The ground below the path is road: kinds of ground that the model sees there instead become less probable in the whole
+        /// submap. Turn it off for drives over fields and on pavements.
+        pub driven_is_road: bool = true => stage::any();
+        /// Correction of the thesis (section 6.3.2): upright narrow objects in the depth image become poles, other poles lose their
+        /// class. For models on range images.
+        pub thin_poles: bool = false => stage::any();
+        /// Correction of the thesis: regions of buildings and vegetation with fewer than 100 pixels get the surrounding class. For
+        /// models on range images.
+        pub small_regions: bool = false => stage::any();
+        /// Correction of the thesis: objects above 2.5 m that are long in the top view become buildings.
+        pub long_buildings: bool = false => stage::any();
         /// Share of points that the model cannot classify, above which the classes are doubtful. Some returns are
         /// beyond the range of the model; a fifth of all points indicates a LiDAR or a mounting that does not suit the
         /// model.
@@ -67,8 +86,8 @@ stage::settings! {
         /// miss kerbs and thin objects. One submap in ten may contain a far outlier.
         pub max_coarsened_share: f64 = 0.1 => stage::within(0.0, 1.0);
         /// Share of submaps in which the LiDAR is not above the ground as on a vehicle, above which the classes are
-        /// doubtful: no ground near the path, a height outside 0.7 to 4 m, or ground steeper than any street. A wrong
-        /// mounting affects all submaps.
+        /// doubtful: no ground near the path or on it, a height outside 0.7 to 4 m, or ground steeper than any street. A
+        /// wrong mounting affects all submaps.
         pub max_misplaced_share: f64 = 0.5 => stage::within(0.0, 1.0);
         /// Share of submaps whose intensities are on another scale than in training, above which the classes are
         /// doubtful. One in ten may be a square of white stone.
@@ -84,6 +103,8 @@ pub struct Infer {
     /// Joins submaps with the columns that the model reads; `None` if it reads no columns.
     join: Option<SubmapJoin>,
     model: Box<dyn Segmenter>,
+    /// What users of the model must know.
+    notices: Vec<String>,
     /// Whether points with a low score lose their class.
     has_unknown: bool,
     max_unseen_share: f64,
@@ -150,6 +171,9 @@ impl Infer {
         if share(n_misplaced, n_submaps) > limit {
             let found = faults.iter().filter(|(_, n)| *n > 0).map(|(fault, n)| format!("{fault} in {n}"));
             let found = found.collect::<Vec<_>>().join(", ");
+            let bare = share(outputs.counted("path_positions_without_ground"), outputs.counted("path_positions"));
+            let of_path = (bare > 0.0).then(|| format!("{:.0} % of the path has no ground", 100.0 * bare));
+            let found = [Some(found), of_path].into_iter().flatten().collect::<Vec<_>>().join("; ");
             outputs.report_doubt(&Doubt::LidarMisplaced { n_misplaced, n_submaps, limit, found });
         }
         let n_foreign = outputs.counted("submaps_foreign_intensity");
@@ -165,9 +189,17 @@ fn options(settings: &Settings) -> Options {
     Options {
         every: settings.every as usize,
         batch: settings.batch as usize,
+        views: settings.views as usize,
         device: settings.device,
         intensity: settings.intensity,
-        refinement: Refinement { rough_ground: settings.rough_ground, ..Refinement::NONE },
+        refinement: Refinement {
+            rough_ground: settings.rough_ground,
+            vehicle_shape: settings.vehicle_shape,
+            driven_is_road: settings.driven_is_road,
+            poles: settings.thin_poles,
+            small_regions: settings.small_regions,
+            buildings: settings.long_buildings,
+        },
     }
 }
 
@@ -177,10 +209,15 @@ const fn counter(fault: MountingFault) -> &'static str {
         MountingFault::NoGround => "submaps_without_ground",
         MountingFault::Height => "submaps_lidar_height",
         MountingFault::Slope => "submaps_steep_ground",
+        MountingFault::OffPath => "submaps_ground_off_path",
     }
 }
 
 fn count(report: Report, outputs: &mut Outputs) {
+    if let LidarAboveGround::Found { n_directed, n_bare, .. } = report.lidar {
+        outputs.count("path_positions", u64::from(n_directed));
+        outputs.count("path_positions_without_ground", u64::from(n_bare));
+    }
     if let Some(fault) = report.lidar.fault() {
         outputs.count(counter(fault), 1);
     }
@@ -243,13 +280,17 @@ impl Stage for Infer {
         Ok(Self {
             join,
             model: UnknownBelow::wrap(model, settings.unknown_below),
+            notices: segmentation::notices(&path).map_err(StepError::io)?,
             has_unknown: settings.unknown_below > 0.0,
             max_unseen_share: settings.max_unseen_share,
             max_coarsened_share: settings.max_coarsened_share,
             max_misplaced_share: settings.max_misplaced_share,
             max_foreign_intensity_share: settings.max_foreign_intensity_share,
             intensity_use: match options(settings).intensity {
-                IntensityUse::Auto | IntensityUse::Normalized => "they were normalized with the ground as reference",
+                IntensityUse::Auto => {
+                    "they were normalized with the ground as reference, or not used if too few of them differ"
+                }
+                IntensityUse::Normalized => "they were normalized with the ground as reference",
                 IntensityUse::Raw => "they were taken as recorded",
                 IntensityUse::Off => "they were not used",
             },
@@ -257,6 +298,9 @@ impl Stage for Infer {
     }
 
     fn step(&mut self, inputs: &mut Inputs, outputs: &mut Outputs) -> Result<Flow, StepError> {
+        for notice in self.notices.drain(..) {
+            outputs.note(format!("model: {notice}"));
+        }
         let Some(join) = &mut self.join else {
             for submap in inputs.take::<SubmapTopic>() {
                 self.label(&submap, &ModelInput::new(submap.header(), submap.rows()), outputs)?;

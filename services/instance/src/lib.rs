@@ -26,15 +26,20 @@ mod settings;
 
 pub use settings::{Settings, Thing};
 
-use instance_segmentation::{Density, Kind, Object, ThingPoint, TopView, TrackedObject, Tracker, find};
-use messages::{ClassRow, ClassTopic, InstanceHeader, InstanceTopic, SubmapHeader, SubmapPoint, SubmapTopic};
+use instance_segmentation::{
+    Density, Kind, Object, OwnVehicle, Rays, ThingPoint, TopView, TrackedObject, Tracker, find,
+};
+use messages::{
+    ClassRow, ClassTopic, InstanceHeader, InstanceTopic, SubmapHeader, SubmapPoint, SubmapSweep, SubmapTopic,
+};
 use serde::{Deserialize, Serialize};
 use stage::{
     Context, Flow, Inputs, Outputs, Port, Received, SavedColumn, Stage, StateBytes, StepError, SubmapJoin, decode_head,
 };
+use std::collections::BTreeSet;
 
 /// Increased when the meaning of the saved state changes.
-const STATE_VERSION: u32 = 4;
+const STATE_VERSION: u32 = 5;
 
 /// The stage.
 pub struct InstanceStage {
@@ -44,12 +49,14 @@ pub struct InstanceStage {
     /// Next new id; 0 = no instance.
     next_id: u32,
     tracker: Tracker,
+    own_vehicle: OwnVehicle,
 }
 
 #[derive(Serialize, Deserialize)]
 struct SavedState {
     next_id: u32,
     tracker: Tracker,
+    own_vehicle: OwnVehicle,
     join: Vec<SavedColumn>,
 }
 
@@ -79,17 +86,21 @@ impl InstanceStage {
     ) -> Result<InstanceHeader, StepError> {
         let mut header = InstanceHeader::default();
         let mut seen: Vec<TrackedObject> = Vec::new();
-        let view = self.view(submap.rows(), classes, outputs);
+        let mut seen_ids = BTreeSet::new();
+        let mut view = self.view(submap.rows(), classes, outputs);
         let checked = submap.header().checked(submap.seq())?;
+        if let Some(view) = &mut view {
+            self.leave_out_own_vehicle(view, checked.sweeps, submap.rows(), outputs);
+        }
         let odom_from_submap = checked.odom_from_submap;
         let density = Density::from_sweeps(checked.sweeps, submap.rows());
+        let rays = Rays::new(checked.sweeps, submap.rows());
         for kind in self.kinds.clone() {
             let Some(view) = &view else { break };
-            let found = self.find(view, submap, classes, &kind);
-            let class = kind.class as u8;
+            let found = self.find(view, submap, &rays, classes, &kind);
             let mut tracked: Vec<TrackedObject> = found
                 .iter()
-                .map(|object| TrackedObject::from_object(object, class, &view.grid, &odom_from_submap))
+                .map(|object| TrackedObject::from_object(object, &kind, &view.grid, &odom_from_submap))
                 .collect();
             let known = self.tracker.associate(&tracked, self.settings.min_overlap);
             for ((object, track), known) in found.iter().zip(&mut tracked).zip(known) {
@@ -109,7 +120,8 @@ impl InstanceStage {
                 };
                 outputs.count("instances_of_earlier_submaps", u64::from(known.is_some()));
                 object.points.iter().for_each(|&point_idx| ids[point_idx as usize] = track.id);
-                header.n_instances += 1;
+                // Pieces of one moving object have one id.
+                header.n_instances += u32::from(seen_ids.insert(track.id));
                 header.n_points += object.points.len() as u32;
             }
             seen.extend(tracked.into_iter().filter(|track| track.id != 0));
@@ -135,7 +147,30 @@ impl InstanceStage {
         view
     }
 
-    fn find(&self, view: &TopView, submap: &Received<SubmapTopic>, classes: &[ClassRow], kind: &Kind) -> Vec<Object> {
+    /// Removes the points of the own vehicle from the points that may be objects.
+    fn leave_out_own_vehicle(
+        &mut self,
+        view: &mut TopView,
+        sweeps: &[SubmapSweep],
+        points: &[SubmapPoint],
+        outputs: &mut Outputs,
+    ) {
+        let candidates: Vec<u32> = view.thing_points.iter().map(|point| point.point_idx).collect();
+        let own = self.own_vehicle.points(sweeps, points, &candidates);
+        if !own.is_empty() {
+            outputs.count("points_of_own_vehicle", own.len() as u64);
+            view.thing_points.retain(|point| own.binary_search(&point.point_idx).is_err());
+        }
+    }
+
+    fn find(
+        &self,
+        view: &TopView,
+        submap: &Received<SubmapTopic>,
+        rays: &Rays<'_>,
+        classes: &[ClassRow],
+        kind: &Kind,
+    ) -> Vec<Object> {
         let is_class = |point: &ThingPoint| classes[point.point_idx as usize].class_id == kind.class as u8;
         let is_class: Vec<bool> = view.thing_points.iter().map(is_class).collect();
         let header: &SubmapHeader = submap.header();
@@ -143,7 +178,7 @@ impl InstanceStage {
             let sweep = header.sweeps.get(usize::from(point.sweep_idx));
             sweep.map_or(0, |sweep| sweep.stamp).saturating_add(i64::from(point.offset_nanos))
         };
-        find(view, submap.rows(), &is_class, time_of, kind, &self.settings.footprints())
+        find(view, submap.rows(), rays, &is_class, time_of, kind, &self.settings.footprints())
     }
 
     fn new_id(&mut self) -> Result<u32, StepError> {
@@ -194,6 +229,7 @@ impl Stage for InstanceStage {
             join: SubmapJoin::new(context.mode).column::<ClassTopic>(true),
             next_id: 1,
             tracker: Tracker::default(),
+            own_vehicle: OwnVehicle::default(),
         })
     }
 
@@ -218,7 +254,12 @@ impl Stage for InstanceStage {
     }
 
     fn save(&mut self) -> Result<StateBytes<'_>, StepError> {
-        let head = SavedState { next_id: self.next_id, tracker: self.tracker.clone(), join: self.join.save() };
+        let head = SavedState {
+            next_id: self.next_id,
+            tracker: self.tracker.clone(),
+            own_vehicle: self.own_vehicle.clone(),
+            join: self.join.save(),
+        };
         let mut state = StateBytes::with_head(STATE_VERSION, &head)?;
         self.join.save_messages(&mut state);
         Ok(state)
@@ -229,6 +270,7 @@ impl Stage for InstanceStage {
         self.join.load(&state.join, messages)?;
         self.next_id = state.next_id;
         self.tracker = state.tracker;
+        self.own_vehicle = state.own_vehicle;
         Ok(())
     }
 }

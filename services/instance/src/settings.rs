@@ -73,7 +73,7 @@ pub struct Thing {
 
 impl Thing {
     /// Heights and points of the thesis, and fewer points for objects according to their density. Touching roofs and
-    /// heads are split.
+    /// heads are split. Speeds are bounds: 250 km/h, to which makers limit cars, and a runner.
     fn defaults() -> Vec<Self> {
         let vehicles = Self {
             class: ClassId::Vehicles.name().to_owned(),
@@ -87,7 +87,7 @@ impl Thing {
             peak_m: 0.2,
             join_m: 0.8,
             max_length_m: 5.6,
-            max_speed_mps: 30.0,
+            max_speed_mps: 70.0,
         };
         let pedestrian = Self {
             class: ClassId::Pedestrian.name().to_owned(),

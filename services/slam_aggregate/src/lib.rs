@@ -11,6 +11,8 @@
 //! At the end of the stream, topic `placement` has the poses of the submaps from all measurements: GNSS, gravity and
 //! loop closures move the submaps, never their points (`docs/explanation/georeferencing.md`).
 //!
+//! With `path = "given"` odom is the world: sweeps are placed by the trajectory that drive.toml names, and nothing is matched.
+//!
 //! The first sweep waits for the second, because a speed needs two sweeps: its poses are one tick late.
 //!
 //! Start at [`SlamAggregate`] in `slam.rs`: one step matches a sweep, writes its points and closes a submap.
@@ -23,11 +25,12 @@
 
 mod incoming;
 mod open_submap;
+mod path_use;
 mod saved;
 mod settings;
 mod slam;
 
-pub use georeference::Correction;
+pub use georeference::{Correction, PathSource};
 pub use registration::{MotionSensor, OdometryAlgorithm};
 pub use settings::Settings;
 pub use slam::SlamAggregate;

@@ -1,7 +1,7 @@
 //! The saved state of the stage.
 
 use crate::open_submap::LoanedSubmap;
-use georeference::{Georeferencer, InertialUnit};
+use georeference::{Georeferencer, GivenPlacing, InertialUnit};
 use messages::{SubmapHeader, SubmapPoint, SubmapTopic, pod};
 use registration::{BodyPoses, OpenSubmap, SecondaryLidar, SelectedState, Stretches, SubmapFrame};
 use serde::{Deserialize, Serialize};
@@ -9,7 +9,7 @@ use stage::{Bytes, Outputs, StepError};
 use std::borrow::Cow;
 
 /// Incremented when the layout of [`Saved`] or the meaning of a field changes.
-pub(crate) const STATE_VERSION: u32 = 13;
+pub(crate) const STATE_VERSION: u32 = 15;
 
 /// The state on which the next tick depends: the state of the odometry (at most 4.3 MB with default settings and 32
 /// rings; 72 MB more with `odometry = "imls"`) and up to 80 kB for each place that is kept for loop closures. Two parts
@@ -27,6 +27,9 @@ pub(crate) struct Saved<'a> {
     pub stretches: Cow<'a, Stretches>,
     pub inertial: Cow<'a, InertialUnit>,
     pub georeferencer: Cow<'a, Georeferencer>,
+    pub given: Cow<'a, GivenPlacing>,
+    /// [`given_path::GivenPath::fingerprint`]; 0 without a path. The poses are read again from their file.
+    pub path: u64,
 }
 
 /// A [`LoanedSubmap`] without its rows.

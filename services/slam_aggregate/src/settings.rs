@@ -2,7 +2,7 @@
 
 use drive::manifest::Manifest;
 use geometry::{Geodetic, Point3};
-use georeference::{Correction, GeoreferenceSettings, InertialUnit};
+use georeference::{Correction, GeoreferenceSettings, InertialUnit, PathSource};
 use messages::{Message, SubmapTopic};
 use registration::{
     Algorithm, ImlsSettings, InertialCheck, KeptPoints, MotionSensor, OdometryAlgorithm, OdometrySettings, Revolution,
@@ -13,6 +13,13 @@ use stage::{Word, list_of_words, one_word};
 stage::settings! {
     /// Settings of slam_aggregate.
     pub struct Settings {
+        /// Source of the path. "odometry": LiDAR odometry; the path of `[trajectory]` in drive.toml is only compared.
+        /// "given": the path of `[trajectory]`, without matching. "refined": LiDAR odometry, with the path of
+        /// `[trajectory]` as a measurement instead of the fixes.
+        pub path: PathSource = PathSource::Odometry => one_word();
+        /// Compare the path of `[trajectory]` with the inertial unit, the fixes and its own direction of travel before the start,
+        /// and refuse it if it contradicts them. false uses it as it is.
+        pub check_path: bool = true => stage::any();
         /// Length of a submap along the path, m. 20 m are about two house fronts and a few million points at walking pace.
         pub submap_m: f64 = 20.0 => stage::within(1.0, 1000.0);
         /// Longest time of a submap, s. It limits the latency while the vehicle stands. Consumers keep the images of
@@ -51,10 +58,10 @@ stage::settings! {
         /// Compare the inertial unit with the motion of the LiDAR: wrong units, axes and times are corrected, and a unit that does not
         /// fit is not used. false uses the samples as they are.
         pub check_imu: bool = true => stage::any();
-        /// Withhold the samples of the inertial unit until they agree with the LiDAR, which takes some seconds of turns
-        /// and braking. It protects against mirrored or late units, which otherwise disturb the poses that they are
-        /// compared with. Where geometry is degenerate from the start, the unit is never used.
-        pub imu_probation: bool = false => stage::any();
+        /// Give the samples of the inertial unit no weight in matches until they agree with the LiDAR, which takes some
+        /// seconds of turns and braking. It protects against mirrored or late units, which otherwise disturb the poses
+        /// that they are compared with. Degenerate directions and sweeps without a match follow the samples from the start.
+        pub imu_probation: bool = true => stage::any();
         /// Measurements that correct the poses of the submaps at the end: GNSS fixes, gravity by the inertial unit, loop closures.
         /// Without any the odometry is the result.
         pub correct: Vec<Correction> = Correction::ALL.to_vec() => list_of_words();
@@ -156,7 +163,12 @@ impl Settings {
 
     /// Settings of the georeference. Without a manifest, antenna and inertial unit are at the body's origin.
     pub(crate) fn georeference(&self, manifest: Option<&Manifest>) -> GeoreferenceSettings {
-        let uses = |measurement: Correction| self.correct.contains(&measurement);
+        // A given path contains the fixes; poses that are given are not corrected.
+        let uses = |measurement: Correction| {
+            let is_replaced =
+                self.path == PathSource::Given || (self.path == PathSource::Refined && measurement == Correction::Gnss);
+            !is_replaced && self.correct.contains(&measurement)
+        };
         let gnss = manifest.and_then(|manifest| manifest.gnss.as_ref());
         let imu = manifest.and_then(|manifest| manifest.imu.as_ref());
         GeoreferenceSettings {

@@ -2,17 +2,21 @@
 
 use crate::incoming::{PreparedTick, Tick, prepared, raw};
 use crate::open_submap::LoanedSubmap;
+use crate::path_use::{self, PathOfDrive};
 use crate::saved::{STATE_VERSION, Saved, SavedSubmap, SubmapHead};
 use crate::{MotionSensor, Settings};
 use drive::manifest::Manifest;
 use drive::{Drive, LiveRig};
 use geometry::{Isometry3, Pose};
-use georeference::{GeoreferenceSettings, Georeferencer, InertialUnit, Placed, fix_doubts};
+use georeference::{
+    GeoreferenceSettings, Georeferencer, GivenPlacing, InertialUnit, PathSource, Placed, fix_doubts, path_difference,
+};
+use given_path::GivenPath;
 use messages::{
     GnssTopic, ImuTopic, PlacementTopic, StampedPose, SubmapPoint, SubmapTopic, SweepTopic, TrajectoryTopic, pod,
 };
 use registration::{
-    BodyPoses, GroundVelocity, PreparedSweep, RawSweep, Registered, SecondaryLidar, SelectedOdometry, SensorMounting,
+    Algorithm, BodyPoses, PreparedSweep, RawSweep, Registered, SecondaryLidar, SelectedOdometry, SensorMounting,
     Stretches, SweepRows, SweepsByTick, sweeps_by_tick,
 };
 use stage::{
@@ -39,6 +43,10 @@ pub struct SlamAggregate {
     georeferencer: Georeferencer,
     /// Whether the drive has a GNSS receiver whose fixes should place the result.
     expects_fixes: bool,
+    /// The post-processed trajectory of the drive.
+    path: PathOfDrive,
+    /// Submaps that are placed by it.
+    given: GivenPlacing,
 }
 
 impl SlamAggregate {
@@ -68,7 +76,48 @@ impl SlamAggregate {
             stretches: Stretches::default(),
             inertial: settings.inertial_unit(&mounting),
             expects_fixes: false,
+            path: PathOfDrive::default(),
+            given: GivenPlacing::default(),
         }
+    }
+
+    /// The stage with a post-processed trajectory.
+    fn with_path(mut self, path: PathOfDrive) -> Self {
+        self.path = path;
+        if let Some(path) = self.used_path() {
+            self.georeference.origin = path_use::origin(path);
+        }
+        let settings = self.settings.odometry(self.mounting);
+        self.odometry = SelectedOdometry::new(settings, self.algorithm(), self.mounting.body_from_lidar);
+        self
+    }
+
+    /// The path that gives the poses of the sweeps.
+    fn given_path(&self) -> Option<&GivenPath> {
+        self.used_path().filter(|_| self.settings.path == PathSource::Given)
+    }
+
+    /// The path that results depend on.
+    fn used_path(&self) -> Option<&GivenPath> {
+        self.path.path.as_ref().filter(|_| self.settings.path != PathSource::Odometry)
+    }
+
+    /// Converts the sensor data up to the last sweep to measurements of submaps.
+    fn update_measurements(&mut self) {
+        self.georeferencer.update(&self.georeference);
+        let path = self.path.path.as_ref().filter(|_| self.settings.path == PathSource::Refined);
+        if let Some(path) = path {
+            self.georeferencer.add_path(path.trajectory(), |stamp| path_use::deviation(path, stamp));
+        }
+    }
+
+    /// Fingerprint of the path that results depend on; 0 without it.
+    fn path_fingerprint(&self) -> u64 {
+        self.used_path().map_or(0, GivenPath::fingerprint)
+    }
+
+    fn algorithm(&self) -> Algorithm {
+        self.given_path().map_or_else(|| self.settings.algorithm(), |path| Algorithm::Given(path.trajectory().clone()))
     }
 
     /// Adds a registered sweep and the sweeps of the secondary LiDARs to the open submap, publishes the submap if it is
@@ -82,8 +131,10 @@ impl SlamAggregate {
     ) -> Result<(), StepError> {
         registered.counts().into_iter().for_each(|(name, n)| outputs.count(name, n));
         let body_from_lidar = &self.mounting.body_from_lidar;
-        self.inertial.compare(registered, body_from_lidar, &mut self.odometry, &mut self.georeferencer);
-        self.stretches.add(registered).into_iter().for_each(|text| outputs.note(text));
+        if !registered.is_given() {
+            self.inertial.compare(registered, body_from_lidar, &mut self.odometry, &mut self.georeferencer);
+            self.stretches.add(registered).into_iter().for_each(|text| outputs.note(text));
+        }
         let n_dropped = prepared.sweeps.iter().map(|sweep| sweep.kept.n_dropped as u64).sum();
         outputs.count("points_out_of_range", n_dropped);
         let ([begin, end], n_left_out) = self.poses.add(registered, body_from_lidar, poses);
@@ -96,11 +147,20 @@ impl SlamAggregate {
             empty => {
                 let loan = outputs.loan::<SubmapTopic>(self.settings.submap_points_max as usize)?;
                 let open = empty.insert(LoanedSubmap::new(loan, &begin, 1 + self.secondary_lidars.len()));
-                self.georeferencer.begin_submap(open.submap.frame.odom_from_submap, registered.stamp.0);
+                let odom_from_submap = open.submap.frame.odom_from_submap;
+                match &self.path.path {
+                    Some(path) if registered.is_given() => {
+                        let deviation = path_use::deviation(path, registered.stamp);
+                        self.given.begin_submap(odom_from_submap, registered.stamp, deviation);
+                    }
+                    _ => self.georeferencer.begin_submap(odom_from_submap, registered.stamp.0),
+                }
                 open
             }
         };
-        self.georeferencer.add_sweep(registered, &begin, &end);
+        if !registered.is_given() {
+            self.georeferencer.add_sweep(registered, &begin, &end);
+        }
         let body = end.translation.vector;
         for (received, PreparedSweep { sweep, kept }) in prepared.tick.iter().zip(&prepared.sweeps) {
             let rows = SweepRows { raw: raw(received), sweep, kept };
@@ -129,6 +189,13 @@ impl SlamAggregate {
         open.publish(outputs)
     }
 
+    /// Publishes the placement by the given path.
+    fn finish_given(&self, outputs: &mut Outputs) -> Result<(), StepError> {
+        let Some(path) = self.given_path() else { return Ok(()) };
+        let placed = self.given.placed(path_use::origin(path));
+        placed.map_or(Ok(()), |placed| publish_placement(&placed, outputs))
+    }
+
     /// Moves the open submap of a loaded state into a loan.
     fn reopen_submap(&mut self, outputs: &mut Outputs) -> Result<(), StepError> {
         if let Some(saved) = self.saved_submap.take() {
@@ -150,15 +217,21 @@ impl Stage for SlamAggregate {
         vec![Port::of::<SubmapTopic>(), Port::of::<TrajectoryTopic>(), Port::of::<PlacementTopic>()]
     }
 
-    fn check(settings: &Settings, _context: &Context) -> Vec<Problem> {
+    fn check(settings: &Settings, context: &Context) -> Vec<Problem> {
         let is_cut = settings.imls_h_m > settings.imls_radius_m;
         let text = "must be at most imls_radius_m: the weights of the surface end at the radius";
-        is_cut.then(|| Problem::for_key("imls_h_m", text)).into_iter().collect()
+        let cut = is_cut.then(|| Problem::for_key("imls_h_m", text));
+        cut.into_iter().chain(path_use::problems(settings, context)).collect()
     }
 
     fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {
+        let mut path = PathOfDrive::default();
         let manifest = match context.mode {
-            Mode::Offline => Some(Drive::open(&context.drive).map_err(StepError::io)?.manifest().clone()),
+            Mode::Offline => {
+                let drive = Drive::open(&context.drive).map_err(StepError::io)?;
+                path = path_use::from_drive(settings, &drive)?;
+                Some(drive.manifest().clone())
+            }
             // The recording has only started. Without a rig, body and LiDAR frame are the same.
             Mode::Live => LiveRig::find(&context.drive).map_err(StepError::io)?.manifest().cloned(),
         };
@@ -170,7 +243,9 @@ impl Stage for SlamAggregate {
         let has_receiver =
             manifest.is_some_and(|manifest| manifest.gnss.is_some()) && context.is_connected::<GnssTopic>();
         let expects_fixes = has_receiver && georeference.gnss;
-        Ok(Self { secondary_lidars, expects_fixes, ..Self::with_sensors(settings, body_from_lidar, georeference) })
+        let stage =
+            Self { secondary_lidars, expects_fixes, ..Self::with_sensors(settings, body_from_lidar, georeference) };
+        Ok(stage.with_path(path))
     }
 
     fn step(&mut self, inputs: &mut Inputs, outputs: &mut Outputs) -> Result<Flow, StepError> {
@@ -183,7 +258,7 @@ impl Stage for SlamAggregate {
             outputs.count("fixes", n_valid as u64);
             outputs.count("fixes_without_position", (message.rows().len() - n_valid) as u64);
             if self.settings.predicts_by(MotionSensor::Gnss) {
-                let velocities = message.rows().iter().filter_map(GroundVelocity::from_fix);
+                let velocities = message.rows().iter().filter_map(|row| self.georeferencer.velocity(row));
                 velocities.for_each(|velocity| self.odometry.add_gnss(velocity));
             }
         }
@@ -192,6 +267,9 @@ impl Stage for SlamAggregate {
         outputs.count_all([("sweeps_without_first_lidar", n_dropped)]);
         for tick in ticks {
             let raws: Vec<RawSweep<'_>> = tick.iter().map(raw).collect();
+            if let Some(path) = self.used_path() {
+                path_use::covers(path, raws[0].seq, raws[0].stamp, raws[0].header.duration_nanos)?;
+            }
             let odometry = &mut self.odometry;
             let settings = &self.settings;
             let sweep = raws[0].sweep(settings.untimed_turn(odometry.turning_at(raws[0].stamp)));
@@ -207,7 +285,7 @@ impl Stage for SlamAggregate {
             }
             self.waiting = prepared.next().map(|prepared| prepared.tick);
         }
-        self.georeferencer.update(&self.georeference);
+        self.update_measurements();
         outputs.publish_rows::<TrajectoryTopic>(&poses, |pose| pose.stamp)?;
         Ok(Flow::Continue)
     }
@@ -225,6 +303,10 @@ impl Stage for SlamAggregate {
         self.close_submap(outputs)?;
         self.inertial.summary().into_iter().for_each(|line| outputs.note(line));
         self.inertial.doubt().into_iter().for_each(|doubt| outputs.report_doubt(&doubt));
+        self.path.notes.iter().for_each(|note| outputs.note(note));
+        if self.given_path().is_some() {
+            return self.finish_given(outputs);
+        }
         if let Some(doubt) = self.stretches.contested(self.settings.max_contested_s) {
             outputs.report_doubt(&doubt);
         }
@@ -232,10 +314,10 @@ impl Stage for SlamAggregate {
         if let Some(doubt) = self.stretches.unmatched(self.settings.max_unmatched_s) {
             outputs.report_doubt(&doubt);
         }
-        self.georeferencer.update(&self.georeference);
+        self.update_measurements();
         let placed = self.georeferencer.solve(&self.georeference);
         // Fixes correct the path, and export reports doubts about the remaining deviations.
-        let has_fixes = placed.as_ref().is_some_and(|placed| placed.header.n_fixes > 0);
+        let has_fixes = placed.as_ref().is_some_and(|placed| placed.header.n_fixes > 0 || placed.steps.is_some());
         if let Some(doubt) = self.stretches.lost(self.settings.max_lost_m).filter(|_| !has_fixes) {
             outputs.report_doubt(&doubt);
         }
@@ -246,7 +328,11 @@ impl Stage for SlamAggregate {
                 outputs.report_doubt(&doubt);
             }
         }
-        placed.map_or(Ok(()), |placed| publish_placement(&placed, outputs))
+        let Some(placed) = placed else { return Ok(()) };
+        if let Some(path) = self.path.path.as_ref().filter(|_| self.settings.path == PathSource::Odometry) {
+            outputs.note(path_difference(&placed, path.trajectory(), path.local_frame()));
+        }
+        publish_placement(&placed, outputs)
     }
 
     fn save(&mut self) -> Result<StateBytes<'_>, StepError> {
@@ -264,6 +350,8 @@ impl Stage for SlamAggregate {
             stretches: Cow::Borrowed(&self.stretches),
             inertial: Cow::Borrowed(&self.inertial),
             georeferencer: Cow::Borrowed(&self.georeferencer),
+            given: Cow::Borrowed(&self.given),
+            path: self.path_fingerprint(),
         };
         let mut state = StateBytes::with_head(STATE_VERSION, &saving)?;
         self.waiting.iter().flatten().for_each(|waiting| state.push(waiting));
@@ -274,7 +362,7 @@ impl Stage for SlamAggregate {
     fn load(&mut self, state: &[u8]) -> Result<(), StepError> {
         let (saved, mut rest): (Saved<'_>, _) = decode_head(STATE_VERSION, state)?;
         let settings = self.settings.odometry(self.mounting);
-        let algorithm = self.settings.algorithm();
+        let algorithm = self.algorithm();
         self.odometry = SelectedOdometry::load(settings, algorithm, saved.odometry).map_err(StepError::data)?;
         let waiting = (0..saved.n_waiting).map(|_| next_message(&mut rest)).collect::<Result<Tick, _>>()?;
         self.waiting = Some(waiting).filter(|tick| !tick.is_empty());
@@ -285,6 +373,12 @@ impl Stage for SlamAggregate {
         self.stretches = saved.stretches.into_owned();
         self.inertial = saved.inertial.into_owned();
         self.georeferencer = saved.georeferencer.into_owned();
+        self.given = saved.given.into_owned();
+        if saved.path != self.path_fingerprint() {
+            return Err(StepError::data(
+                "the file of [trajectory] has changed since the state was saved; restore it, or start the run anew",
+            ));
+        }
         Ok(())
     }
 }

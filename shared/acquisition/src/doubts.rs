@@ -174,8 +174,9 @@ impl Doubts {
         let damaged = share(log.bad_lines, n_lines);
         let first = log.first_bad.clone().unwrap_or_default();
         self.add_damage(damaged, |limit| Doubt::BadNmeaLines { share: damaged, limit, first });
-        if log.conflicting > 0 {
-            self.add(Doubt::TwoReceivers { n_epochs: log.conflicting, apart_m: log.apart_mm as f64 / 1000.0 });
+        if log.conflicting > 0 || log.alternating > 0 {
+            let LogStats { conflicting: n_epochs, alternating: n_alternating, .. } = *log;
+            self.add(Doubt::TwoReceivers { n_epochs, n_alternating, apart_m: log.apart_mm as f64 / 1000.0 });
         }
         let n_epochs = n_fixes + log.without_fix + log.out_of_order + log.undated + log.null_islands;
         let share = share(n_used, n_epochs);

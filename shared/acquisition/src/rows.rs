@@ -49,6 +49,8 @@ pub fn gnss_row(fix: &Fix) -> Option<GnssRow> {
         hdop: fix.hdop.unwrap_or_default() as f32,
         satellites: fix.satellites,
         quality: fix.quality,
-        reserved: 0,
+        vdop: fix.vdop.unwrap_or_default() as f32,
+        deviation_across_m: fix.deviation.map_or(0.0, |deviation| deviation.across_m) as f32,
+        deviation_up_m: fix.deviation.map_or(0.0, |deviation| deviation.up_m) as f32,
     })
 }

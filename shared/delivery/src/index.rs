@@ -1,5 +1,6 @@
 //! The index of clouds: metadata for programs that do not open every cloud.
 
+use geometry::{Pose, Quaternion, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -89,6 +90,12 @@ impl CloudEntry {
     /// Whether its files are in the final frame.
     pub fn is_placed(&self) -> bool {
         self.sigma_m.is_some()
+    }
+    /// The pose with `translation` and `rotation`.
+    pub fn pose(&self) -> Pose {
+        let [x, y, z, w] = self.rotation;
+        let rotation = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
+        Pose::from_parts(Vector3::from(self.translation).into(), rotation)
     }
     /// Names, sizes and numbers of rows of all files.
     pub(crate) fn files(&self) -> impl Iterator<Item = (&str, u64, u64)> {

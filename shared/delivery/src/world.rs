@@ -104,6 +104,7 @@ impl World {
         }
         let limit = self.choice.max_heading_deviation_deg;
         let heading = self.deviations().and_then(|deviations| deviations.undetermined_heading(limit));
+        let heading = heading.map(|reason| format!("{reason}; max_heading_deviation_deg = 180 accepts the heading"));
         Some(heading.unwrap_or_else(|| "the drive is not georeferenced".to_owned()))
     }
     /// Standard deviations of the poses. `None` if the result is not georeferenced.

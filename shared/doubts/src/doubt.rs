@@ -16,6 +16,15 @@ pub struct ExposureUse {
     pub without_pose: u64,
 }
 
+/// A way to read the coordinates of fixes in which their path fits the odometry.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FixReading {
+    /// How the coordinates were written.
+    pub text: &'static str,
+    /// Median distance of the fixes from the odometry with this reading, m.
+    pub misfit_m: f64,
+}
+
 /// A reason not to rely on a result. Shares are parts of 1; a limit is the value of the setting that the text names.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Doubt {
@@ -127,6 +136,8 @@ pub enum Doubt {
     TwoReceivers {
         /// Epochs with two positions.
         n_epochs: u64,
+        /// Fixes to one side of the fixes before and after them.
+        n_alternating: u64,
         /// Largest distance of the two.
         apart_m: f64,
     },
@@ -226,6 +237,24 @@ pub enum Doubt {
         limit: f64,
         /// Why they were not used.
         reason: String,
+    },
+    /// [`DoubtKind::FixShape`].
+    FixShape {
+        /// Median distance of the fixes from the path of the odometry, m.
+        misfit_m: f64,
+        /// Quotient of distances between fixes and by odometry.
+        ratio: f64,
+        /// Smallest and largest usual quotient.
+        usual: [f64; 2],
+        /// A reading that fits.
+        reading: Option<FixReading>,
+    },
+    /// [`DoubtKind::FarOrigin`].
+    FarOrigin {
+        /// Median distance of the fixes from the origin, m.
+        far_m: f64,
+        /// Largest distance, m.
+        limit_m: f64,
     },
     /// [`DoubtKind::ReceiverDelay`].
     ReceiverDelay {
@@ -445,6 +474,8 @@ impl Doubt {
             Self::NoSweep { .. } => DoubtKind::NoSweep,
             Self::NoUsableFix { .. } => DoubtKind::NoUsableFix,
             Self::FewFixesUsed { .. } => DoubtKind::FewFixesUsed,
+            Self::FixShape { .. } => DoubtKind::FixShape,
+            Self::FarOrigin { .. } => DoubtKind::FarOrigin,
             Self::ReceiverDelay { .. } => DoubtKind::ReceiverDelay,
             Self::MotionContested { .. } => DoubtKind::MotionContested,
             Self::PathLost { .. } => DoubtKind::PathLost,
@@ -510,6 +541,8 @@ impl Doubt {
             Self::ClockOffset { behind_s, .. } => behind_s.abs(),
             Self::SilentSensors { sensors } => sensors.len() as f64,
             Self::NoSweep { n_packets } | Self::SecondSource { n_packets } => *n_packets as f64,
+            Self::FixShape { misfit_m, .. } => *misfit_m,
+            Self::FarOrigin { far_m, .. } => *far_m,
             Self::ReceiverDelay { late_s } => late_s.abs(),
             Self::MotionContested { seconds, .. } | Self::PathUnmatched { seconds, .. } => *seconds,
             Self::NoSweepMatched { n_sweeps, .. } => *n_sweeps as f64,

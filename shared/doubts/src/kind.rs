@@ -174,6 +174,11 @@ kinds! {
     /// Too few fixes agree with the result.
     FewFixesUsed "few_fixes_used" SlamAggregate Place Check
         "Check the receiver's clock, drive farther, or remove `\"gnss\"` from `correct`."
+    /// The path of the fixes has another size or shape than the path of the odometry.
+    FixShape "fix_shape" SlamAggregate Place Check
+        "Write latitude and longitude in degrees, in this order; check the path of the odometry."
+    /// The fixes are far from the origin of the world.
+    FarOrigin "far_origin" SlamAggregate Place Check "Set `gnss.origin` near the drive, and check the fixes."
     /// The stamps of the receiver are off by more than can be corrected.
     ReceiverDelay "receiver_delay" SlamAggregate Place Check "Check its clock."
     /// The scene fits other along-track positions about as well.

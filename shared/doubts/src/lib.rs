@@ -23,5 +23,5 @@
 mod doubt;
 mod kind;
 
-pub use doubt::{Doubt, ExposureUse};
+pub use doubt::{Doubt, ExposureUse, FixReading};
 pub use kind::{DoubtKind, Severity, Stage, Subject};

@@ -1,6 +1,7 @@
 //! Checks a manifest against the rules and against the files of its folder.
 
 mod cameras;
+mod trajectory;
 
 use super::Drive;
 use super::lidars::CheckedLidars;
@@ -41,6 +42,9 @@ pub(super) fn drive(folder: &Path, read: Read, is_inferred: bool) -> Result<Driv
     }
     if let Some(entry) = &read.imu {
         check.imu(entry);
+    }
+    if let Some(entry) = &read.trajectory {
+        check.trajectory(entry);
     }
     if let Some(entry) = &read.truth {
         check.truth(entry);

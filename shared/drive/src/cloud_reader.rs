@@ -1,8 +1,9 @@
 //! Reads sweeps stored as one cloud file each.
 
 use super::DriveLidar;
-use super::clouds::{Rings, returns};
+use super::clouds::returns;
 use super::lidars::median_interval_nanos;
+use super::rings::cloud_rings;
 use files::regular_file;
 use formats::cloud::{FiredCloud, FiredPoint, MAX_RANGE_M};
 use formats::cloud_fields::{
@@ -80,13 +81,12 @@ impl CloudReader {
         let scale = self.form.intensities.factor as f32;
         let found = match self.format.as_str() {
             "bin" => {
-                let rings = Rings::new(&self.lidar);
                 let points = kitti::points_from_bin(&bytes)?;
                 untimed(returns(
                     &points,
                     scale,
                     |point| FiredPoint { point: *point, ..FiredPoint::default() },
-                    |point| rings.nearest(point),
+                    &cloud_rings(&points, |point| *point, &self.lidar),
                 ))
             }
             "nuscenes" => {
@@ -95,7 +95,7 @@ impl CloudReader {
                     &rows,
                     scale,
                     |(point, _)| FiredPoint { point: *point, ..FiredPoint::default() },
-                    |(_, ring)| *ring,
+                    &rows.iter().map(|(_, ring)| *ring).collect::<Vec<u8>>(),
                 ))
             }
             _ => {
@@ -121,9 +121,12 @@ impl CloudReader {
         if let Some(FiredPoint { ring, .. }) = cloud.points.iter().find(beyond) {
             return Err(CloudFault::Ring { ring: *ring, n_rings, model: self.lidar.model().name() });
         }
-        let rings = Rings::new(&self.lidar);
-        let ring = |p: &FiredPoint| if cloud.has_rings { p.ring } else { rings.nearest(&p.point) };
-        let mut returns = returns(&cloud.points, self.form.intensities.factor as f32, |p| *p, ring);
+        let rings = if cloud.has_rings {
+            cloud.points.iter().map(|p| p.ring).collect()
+        } else {
+            cloud_rings(&cloud.points, |p| p.point, &self.lidar)
+        };
+        let mut returns = returns(&cloud.points, self.form.intensities.factor as f32, |p| *p, &rings);
         if !returns.is_sorted_by_key(|found| found.offset_nanos) {
             returns.sort_by_key(|found| found.offset_nanos);
         }

@@ -29,6 +29,7 @@ mod live_rig;
 pub mod manifest;
 mod numbering;
 mod read;
+mod rings;
 mod slices;
 mod sweeps;
 

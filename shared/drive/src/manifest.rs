@@ -3,9 +3,11 @@
 mod calibration;
 mod lidars;
 pub mod rules;
+mod trajectory;
 
 pub use calibration::{Calibration, LidarMountingEntry, MountingEntry};
 pub use lidars::LidarEntry;
+pub use trajectory::{Clock, HeadingSense, TrajectoryEntry, TrajectoryFormat};
 
 use geometry::{CameraModel, Isometry3, Pose, Quaternion, Rig, RigCamera, Translation3, UnitQuaternion};
 use serde::{Deserialize, Serialize};
@@ -33,6 +35,8 @@ pub struct Manifest {
     pub gnss: Option<GnssEntry>,
     /// IMU.
     pub imu: Option<ImuEntry>,
+    /// Post-processed trajectory.
+    pub trajectory: Option<TrajectoryEntry>,
     /// Ground truth of simulated and annotated drives.
     pub truth: Option<TruthEntry>,
 }
@@ -232,6 +236,7 @@ impl Manifest {
             mosaics: Vec::new(),
             gnss: None,
             imu: None,
+            trajectory: None,
             truth: None,
         }
     }

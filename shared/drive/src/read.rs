@@ -1,6 +1,8 @@
 //! Parses `drive.toml`.
 
-use crate::manifest::{CameraEntry, GnssEntry, ImuEntry, LidarEntry, Manifest, MosaicEntry, TruthEntry};
+use crate::manifest::{
+    CameraEntry, GnssEntry, ImuEntry, LidarEntry, Manifest, MosaicEntry, TrajectoryEntry, TruthEntry,
+};
 use files::toml_file::TomlFile;
 use std::path::Path;
 
@@ -16,10 +18,11 @@ pub(super) struct Read {
     pub(super) mosaics: Vec<Option<MosaicEntry>>,
     pub(super) gnss: Option<GnssEntry>,
     pub(super) imu: Option<ImuEntry>,
+    pub(super) trajectory: Option<TrajectoryEntry>,
     pub(super) truth: Option<TruthEntry>,
 }
 
-const KEYS: [&str; 8] = ["version", "name", "lidar", "camera", "mosaic", "gnss", "imu", "truth"];
+const KEYS: [&str; 9] = ["version", "name", "lidar", "camera", "mosaic", "gnss", "imu", "trajectory", "truth"];
 
 // The required keys of an entry.
 const LIDAR: [&str; 4] = ["model", "format", "folder", "body_from_lidar"];
@@ -40,12 +43,13 @@ const MOSAIC: [&str; 12] = [
 ];
 const GNSS: [&str; 3] = ["file", "origin", "antenna_in_body"];
 const IMU: [&str; 1] = ["file"];
+const TRAJECTORY: [&str; 2] = ["file", "format"];
 const TRUTH: [&str; 1] = ["trajectory"];
 
 impl Read {
     /// A manifest that was inferred, not read.
     pub(super) fn inferred(path: &Path, manifest: Manifest) -> Self {
-        let Manifest { version, name, lidar, other_lidars, cameras, mosaics, gnss, imu, truth } = manifest;
+        let Manifest { version, name, lidar, other_lidars, cameras, mosaics, gnss, imu, trajectory, truth } = manifest;
         Self {
             file: TomlFile::new(path, "", &KEYS),
             version: Some(version),
@@ -55,6 +59,7 @@ impl Read {
             mosaics: mosaics.into_iter().map(Some).collect(),
             gnss,
             imu,
+            trajectory,
             truth,
         }
     }
@@ -69,6 +74,7 @@ impl Read {
             mosaics: file.list("mosaic", &MOSAIC),
             gnss: file.optional("gnss", &GNSS),
             imu: file.optional("imu", &IMU),
+            trajectory: file.optional("trajectory", &TRAJECTORY),
             truth: file.optional("truth", &TRUTH),
             file,
         }
@@ -86,6 +92,7 @@ impl Read {
             mosaics: self.mosaics.iter().cloned().collect::<Option<_>>()?,
             gnss: self.gnss.clone(),
             imu: self.imu.clone(),
+            trajectory: self.trajectory.clone(),
             truth: self.truth.clone(),
         })
     }

@@ -24,7 +24,7 @@ mod times;
 mod values;
 
 pub use beams::{Elevations, Rings};
-pub use columns::{Column, RawCloud};
+pub use columns::{Column, PointFlags, RawCloud};
 pub use coordinates::{CoordinateFault, MapOrigin};
 pub use form::{CloudForm, FieldFault, FormBuilder};
 pub use intensity::{IntensitySample, IntensityScale};

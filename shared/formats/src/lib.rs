@@ -9,7 +9,7 @@
 //! | points | [`ply`], [`pcd`], [`kitti`], [`nuscenes`], [`semantic_kitti`] over [`cloud`]; [`cloud_fields`]: names, units and scales of their fields |
 //! | images | [`jpeg`], [`pgm`], [`tiff`], [`raw_mosaic`], [`band_image`], [`multipart`] |
 //! | spectra | [`envi`], [`ecostress`], [`sensor_calibration`] |
-//! | poses and grids | [`trajectory`] (TUM, KITTI, CSV), [`gtx`], [`gps_time`] |
+//! | poses and grids | [`trajectory`] (TUM, KITTI, CSV), [`sbet`], [`smrmsg`], [`novatel`], [`pose_table`], [`gtx`], [`gps_time`] |
 //! | calibrations | [`ladybug`] |
 //! | containers | [`npy`], [`sqlite`] |
 //!
@@ -29,14 +29,18 @@ pub mod jpeg;
 pub mod kitti;
 pub mod ladybug;
 pub mod multipart;
+pub mod novatel;
 pub mod npy;
 pub mod nuscenes;
 pub mod pcd;
 pub mod pgm;
 pub mod ply;
+pub mod pose_table;
 pub mod raw_mosaic;
+pub mod sbet;
 pub mod semantic_kitti;
 pub mod sensor_calibration;
+pub mod smrmsg;
 pub mod sqlite;
 pub mod tiff;
 pub mod trajectory;

@@ -101,7 +101,7 @@ mod tests {
         assert_eq!(SweepName::parse("000000.bin"), None);
     }
 
-    #[real_data::test("nuscenes")]
+    #[real_data::test("nuscenes/*.pcd.bin")]
     fn rings_of_real_sweep_are_ranks_by_elevation() {
         let points = real_sweep();
         assert_eq!(points.len(), 34_688);
@@ -116,7 +116,7 @@ mod tests {
     /// A beam keeps its elevation, so the elevation of a point shows how far it was moved along y: by the motion of the
     /// vehicle from its shot to the time of the sweep. The sensor turns clockwise and begins its revolutions on the left,
     /// slightly to the rear.
-    #[real_data::test("nuscenes")]
+    #[real_data::test("nuscenes/*.pcd.bin")]
     fn real_sweep_is_compensated_to_the_end_of_its_revolution() {
         let moved_m = |clockwise_deg: f32| {
             let mut found: Vec<f32> = Vec::new();

@@ -13,7 +13,7 @@ pub use error::{PcdError, PcdFault};
 pub use lzf::LzfFault;
 
 use crate::cloud::{CloudPoint, FiredCloud, FiredPoint};
-use crate::cloud_fields::{Column, Field, RawCloud, ValueType, number};
+use crate::cloud_fields::{Column, Field, PointFlags, RawCloud, ValueType, number};
 use header::{Encoding, Header, N_WANTED};
 use std::borrow::Cow;
 
@@ -132,6 +132,8 @@ impl Columns {
             intensities: column(Field::Intensity, intensities),
             beams: column(Field::Ring, beams),
             times: column(Field::Time, times),
+            viewpoint: header.viewpoint.clone(),
+            flags: PointFlags::default(),
         }
     }
 }
@@ -240,6 +242,14 @@ mod tests {
         let read = points_from_pcd(&binary).expect("reads");
         assert_eq!(read[0], CloudPoint { x: 1.5, y: 2.0, z: 3.0, intensity: -1.0 });
         assert_eq!(read[1].intensity, 100.0);
+    }
+
+    #[test]
+    fn padding_without_bytes_is_refused() {
+        let header = "VERSION 0.7\nFIELDS x y z _ intensity _ ring\nSIZE 4 4 4 1 4 1 2\nTYPE F F F U F U U\nCOUNT 1 1 1 4 1 0 1\nWIDTH 1\n\
+                      HEIGHT 1\nDATA binary\n";
+        let error = points_from_pcd(&[header.as_bytes(), &[0; 22]].concat()).expect_err("is refused").to_string();
+        assert!(error.contains("COUNT 0 of padding `_` before field \"ring\""), "{error}");
     }
 
     /// The points of a drive's only file.

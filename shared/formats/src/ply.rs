@@ -7,6 +7,7 @@
 //! ply-rs reads and writes all headers and decodes all files except plain binary ones. Rows of plain binary files are
 //! encoded and decoded here, because ply-rs builds a map of values for each row.
 
+mod camera;
 mod cloud;
 mod error;
 mod header;

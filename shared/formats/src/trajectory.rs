@@ -18,6 +18,7 @@ pub use csv::{csv_from_trajectory, trajectory_from_csv};
 pub use error::{PoseFault, TrajectoryError};
 pub use file::{TrajectoryFile, numbered};
 pub use kitti::{kitti_from_trajectory, poses_from_kitti, times_from_kitti, times_from_trajectory};
+pub use line::nanos_from_seconds;
 pub use tum::{trajectory_from_tum, tum_from_trajectory};
 
 use geometry::{Pose, Stamp, Trajectory};

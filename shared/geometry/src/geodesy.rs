@@ -1,6 +1,6 @@
 //! A local east-north-up frame on the WGS84 ellipsoid.
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Point3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
 /// Semi-major axis of the WGS84 ellipsoid, m (NIMA TR8350.2, table 3.1).
@@ -93,6 +93,12 @@ impl LocalFrame {
         let off = p - self.origin_in_ecef;
         Point3::from(self.axes.map(|axis| axis.dot(&off)))
     }
+    /// Rotation from the axes of another frame to the axes of this one: their verticals differ by the curvature of the
+    /// Earth, and their norths by the convergence of the meridians.
+    pub fn rotation_from(&self, other: &Self) -> UnitQuaternion<f64> {
+        let columns = other.axes.map(|of_other| Vector3::from(self.axes.map(|axis| axis.dot(&of_other))));
+        UnitQuaternion::from_basis_unchecked(&columns)
+    }
     /// Geodetic position of a point of this frame (m).
     pub fn geodetic_from_world(&self, p: &Point3<f64>) -> Geodetic {
         let [east, north, up] = &self.axes;
@@ -124,6 +130,19 @@ mod tests {
                 assert!(off < 1e-6, "{off} m at {lat} {lon}");
             }
         }
+    }
+
+    #[test]
+    fn rotation_between_frames_agrees_with_their_points() {
+        let frame = |lat, lon| LocalFrame::new(Geodetic::new(lat, lon, 50.0).expect("a position"));
+        let [here, there] = [frame(48.846_222, 2.346_414), frame(48.9, 2.6)];
+        let rotation = here.rotation_from(&there);
+        for axis in [Vector3::x(), Vector3::y(), Vector3::z()] {
+            let moved = |p: Vector3<f64>| here.world_from_geodetic(&there.geodetic_from_world(&Point3::from(p)));
+            let expected = (moved(axis * 10.0) - moved(axis * -10.0)) / 20.0;
+            assert!((rotation * axis - expected).norm() < 1e-7, "{axis}");
+        }
+        assert!(rotation.angle() > 1e-3);
     }
 
     /// Reference values from pyproj 3.7.2 (PROJ 9.5.1): `+proj=cart`, then `+proj=topocentric` at the origin.

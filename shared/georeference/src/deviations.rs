@@ -2,6 +2,8 @@
 //! disagreement.
 
 use crate::fixes::UsedFix;
+use crate::lasting_error::LastingError;
+use crate::median::median;
 use crate::{AntennaPosition, Solution};
 use geometry::Pose;
 use nalgebra::{Matrix3, Matrix6, Vector3};
@@ -25,7 +27,7 @@ pub(crate) fn majority(used: &[UsedFix], positions: &[AntennaPosition], poses: &
     if most_agree { agreeing } else { all.collect() }
 }
 
-fn residual(position: &AntennaPosition, poses: &[Pose]) -> Vector3<f64> {
+pub(crate) fn residual(position: &AntennaPosition, poses: &[Pose]) -> Vector3<f64> {
     position.p_in_world - poses[position.submap] * position.p_in_submap
 }
 
@@ -34,9 +36,9 @@ fn agrees(fix: &UsedFix, residual: &Vector3<f64>) -> bool {
     residual.xy().norm() <= MAX_ACROSS * tolerance_m && residual.z.abs() <= MAX_UP * tolerance_m
 }
 
-/// Rejects fixes that do not agree with the result, regardless of their weight, and adds common errors to the
-/// covariances of placed submaps. Standard deviations grow with the share of rejected fixes; if it is above one half,
-/// they grow by the median distance of all fixes.
+/// Rejects fixes that do not agree with the result, regardless of their weight, lowers the poses by the usual height error of lasting
+/// errors, and adds common errors to the covariances of placed submaps. Common errors grow with the share of rejected fixes; if it
+/// is above one half, standard deviations grow by the median distance of all fixes.
 pub(crate) fn judge(solution: &mut Solution, used: &[UsedFix], positions: &[AntennaPosition]) {
     let n = positions.len() as f64;
     let mut common = Vector3::zeros();
@@ -47,29 +49,25 @@ pub(crate) fn judge(solution: &mut Solution, used: &[UsedFix], positions: &[Ante
         if !agrees(fix, &residual) {
             solution.position_weights[number] = 0.0;
         }
-        let [across, up] = fix.receiver.common_m();
+        let [across, up] = fix.common_m();
         common += Vector3::new(across * across, across * across, up * up) / n;
         across_m.push(residual.xy().norm());
         up_m.push(residual.z.abs());
     }
+    let lasting = LastingError::new(used, positions, &solution.poses);
     let used_share = Solution::n_inliers(&solution.position_weights) as f64 / n.max(1.0);
     let growth = used_share.max(MIN_USED_SHARE).powi(-2);
-    let mut variances = common * growth;
+    let mut variances = common * growth + lasting.variances();
     if used_share < MAJORITY {
         // Both axes share the horizontal distance.
-        let across = median(across_m).powi(2) / 2.0;
-        let up = median(up_m).powi(2);
+        let across = median(across_m).unwrap_or(0.0).powi(2) / 2.0;
+        let up = median(up_m).unwrap_or(0.0).powi(2);
         variances += Vector3::new(across, across, up);
     }
-    for (pose, covariance) in solution.poses.iter().zip(&mut solution.covariances) {
-        *covariance *= growth;
+    for (pose, covariance) in solution.poses.iter_mut().zip(&mut solution.covariances) {
         add_in_world(covariance, pose, &variances);
+        pose.translation.z -= lasting.raised_m();
     }
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
 
 fn add_in_world(covariance: &mut Matrix6<f64>, pose: &Pose, variances: &Vector3<f64>) {

@@ -32,11 +32,14 @@ pub(crate) struct Drift {
     /// Sum of standard deviations along degenerate directions, odom axes. Each sweep continues the motion of the previous
     /// one, so the errors of degenerate directions add up linearly.
     degenerate: Matrix6<f64>,
+    /// Path that was matched without gyroscopes, m.
+    bent_m: f64,
 }
 
 impl Drift {
     pub fn add(&mut self, registered: &Registered, path_m: f64) {
         let has_gyroscopes = registered.predicted_by.inertial;
+        self.bent_m += if has_gyroscopes { 0.0 } else { path_m };
         self.variances[0] += TRANSLATION_VARIANCE * path_m;
         self.variances[1] +=
             if has_gyroscopes { ROTATION_VARIANCE_WITH_GYROSCOPES } else { ROTATION_VARIANCE } * path_m;
@@ -58,6 +61,11 @@ impl Drift {
             let direction = eigen.eigenvectors.column(k).component_mul(&per_lever);
             self.degenerate += direction * direction.transpose() * (DEGENERATE_M + DEGENERATE_SHARE * path_m);
         }
+    }
+
+    /// Path whose pitch may have a systematic error, m.
+    pub const fn bent_m(&self) -> f64 {
+        self.bent_m
     }
 
     /// Inverse covariance of the next submap's pose relative to the submap that starts at `odom_from_submap`.

@@ -22,7 +22,9 @@ pub fn fix_doubts(counted: [u64; 2], is_expected: bool, placed: Option<&Placed>,
         limit: min_used_share,
         reason: reason(placed),
     });
-    delay.map(|delay| Doubt::ReceiverDelay { late_s: delay.late_s }).into_iter().chain(few).collect()
+    let shape = placed.shape.clone().filter(|_| min_used_share > 0.0);
+    let delay = delay.map(|delay| Doubt::ReceiverDelay { late_s: delay.late_s });
+    delay.into_iter().chain(shape).chain(few).collect()
 }
 
 fn reason(placed: &Placed) -> String {

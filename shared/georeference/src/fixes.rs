@@ -20,7 +20,7 @@ const PASSING_MPS: f64 = 3.0;
 const MAX_SLOWNESS: f64 = 10.0;
 /// Fixes closer in time are skipped, ns: their errors are the same.
 const MIN_PAUSE_NANOS: i64 = 450_000_000;
-/// Ratio of height errors to horizontal errors: all satellites are above the antenna.
+/// Ratio of height errors to horizontal errors if the receiver states no vertical dilution: all satellites are above the antenna.
 const VERTICAL_FACTOR: f64 = 1.5;
 /// Fixes this close to the result are never outliers, m: code positions wander by this much even without faults.
 const CODE_TOLERANCE_M: f64 = 0.6;
@@ -47,6 +47,8 @@ pub(crate) struct Fix {
     stamp: i64,
     place: Geodetic,
     hdop: f64,
+    vdop: f64,
+    stated_m: Option<[f64; 2]>,
     receiver: ReceiverClass,
     velocity: Option<Doppler>,
 }
@@ -65,6 +67,10 @@ pub(crate) struct Doppler {
 pub(crate) struct UsedFix {
     pub stamp: i64,
     pub hdop: f64,
+    /// Vertical dilution of precision.
+    pub vdop: f64,
+    /// Standard deviations that the receiver states, along one horizontal axis and in height, m.
+    pub stated_m: Option<[f64; 2]>,
     pub receiver: ReceiverClass,
     /// Number of the submap, and the antenna path around the fix from the odometry.
     pub submap: usize,
@@ -111,7 +117,7 @@ impl ReceiverClass {
     /// Common error of all fixes of a drive, along one horizontal axis and in height, m: orbits, clocks, atmosphere. It
     /// is unobservable in a drive. Corrections leave a tenth of a metre for each satellite; the height has no
     /// satellites from below.
-    pub const fn common_m(self) -> [f64; 2] {
+    const fn common_m(self) -> [f64; 2] {
         match self {
             Self::Code => [1.0, 2.0],
             Self::CorrectedCode => [0.2, 0.6],
@@ -128,7 +134,12 @@ impl Fix {
         let receiver = ReceiverClass::from_quality(row.quality)?;
         let reported_hdop = (row.hdop > 0.0).then_some(f64::from(row.hdop));
         let hdop = reported_hdop.unwrap_or(DEFAULT_HDOP).max(0.5);
-        Some(Self { stamp: row.stamp, place, hdop, receiver, velocity: Doppler::new(row, reported_hdop) })
+        let reported_vdop = (row.vdop > 0.0).then_some(f64::from(row.vdop));
+        let vdop = reported_vdop.unwrap_or(VERTICAL_FACTOR * hdop).max(0.5);
+        let stated_m = [row.deviation_across_m, row.deviation_up_m].map(f64::from);
+        let stated_m = stated_m.iter().all(|m| *m > 0.0).then_some(stated_m);
+        let velocity = Doppler::new(row, reported_hdop);
+        Some(Self { stamp: row.stamp, place, hdop, vdop, stated_m, receiver, velocity })
     }
 }
 
@@ -148,18 +159,32 @@ impl Doppler {
 impl UsedFix {
     /// The position as a measurement of its submap, for a receiver clock that is `late_s` late.
     pub fn position(&self, late_s: f64, odom_from_submap: &Pose) -> AntennaPosition {
-        let sigma = self.receiver.scatter_m() * self.hdop;
-        let speed = self.antenna.velocity(-late_s).norm();
-        let pace = (speed / PASSING_MPS).clamp(1.0 / MAX_SLOWNESS, 1.0);
+        let scatter_m = self.receiver.scatter_m();
+        // Receivers do not know of reflections, so a smaller deviation than the class has is not trusted.
+        let [across_m, up_m] = self.stated_m.unwrap_or_default();
+        let sigma = (scatter_m * self.hdop).max(across_m);
+        let sigma_up = (scatter_m * self.vdop).max(up_m);
         AntennaPosition {
             submap: self.submap,
             p_in_submap: odom_from_submap.inverse() * self.antenna.at(-late_s),
             p_in_world: self.p_in_world,
-            sigma_m: [sigma, sigma, VERTICAL_FACTOR * sigma],
-            sigma_above_m: VERTICAL_FACTOR * sigma,
-            share: self.pause_s / ERROR_CORRELATION_S * pace,
+            sigma_m: [sigma, sigma, sigma_up],
+            sigma_above_m: sigma_up,
+            share: self.passing_s(late_s) / ERROR_CORRELATION_S,
             tolerance_m: self.tolerance_m(),
         }
+    }
+    /// Time since the previous fix, s, shorter while the vehicle is slow: the surroundings of the antenna change less.
+    pub fn passing_s(&self, late_s: f64) -> f64 {
+        let speed = self.antenna.velocity(-late_s).norm();
+        self.pause_s * (speed / PASSING_MPS).clamp(1.0 / MAX_SLOWNESS, 1.0)
+    }
+    /// Error that all fixes of the drive may share, along one horizontal axis and in height, m. A stated deviation is mostly such an
+    /// error: it does not average out.
+    pub fn common_m(&self) -> [f64; 2] {
+        let [across_m, up_m] = self.receiver.common_m();
+        let [stated_across_m, stated_up_m] = self.stated_m.unwrap_or_default();
+        [across_m.max(stated_across_m), up_m.max(stated_up_m)]
     }
     /// Fixes this close to the result are never outliers, m.
     pub fn tolerance_m(&self) -> f64 {
@@ -200,7 +225,7 @@ impl Fixes {
         let Some(last) = path.last() else { return };
         let end = if is_end { last } else { last - AntennaTrack::HALF_SPAN_NANOS };
         let n_ready = self.pending.iter().take_while(|fix| fix.stamp <= end).count();
-        for Fix { stamp, place, hdop, receiver, velocity } in self.pending.drain(..n_ready) {
+        for Fix { stamp, place, hdop, vdop, stated_m, receiver, velocity } in self.pending.drain(..n_ready) {
             let pause = self.used.last().map_or(i64::MAX, |last| stamp.saturating_sub(last.stamp));
             let Some(antenna) = AntennaTrack::new(path, stamp, antenna_in_body) else { continue };
             let Some(NumberedSubmap { number: submap, .. }) = submap_at(stamp) else { continue };
@@ -210,7 +235,9 @@ impl Fixes {
             let origin = *self.origin.get_or_insert(place);
             let p_in_world = LocalFrame::new(origin).world_from_geodetic(&place);
             let pause_s = (pause as f64 * 1e-9).min(ERROR_CORRELATION_S);
-            self.used.push(UsedFix { stamp, hdop, receiver, submap, antenna, p_in_world, velocity, pause_s });
+            let of_drive =
+                UsedFix { stamp, hdop, vdop, stated_m, receiver, submap, antenna, p_in_world, velocity, pause_s };
+            self.used.push(of_drive);
         }
     }
     pub fn used(&self) -> &[UsedFix] {
@@ -227,6 +254,9 @@ impl UsedFix {
         let p_in_world = Point3::origin();
         let velocity = None;
         let pause_s = 1.0;
-        Self { stamp: second * 1_000_000_000, hdop, receiver, submap: 0, antenna, p_in_world, velocity, pause_s }
+        let vdop = VERTICAL_FACTOR * hdop;
+        let stamp = second * 1_000_000_000;
+        let stated_m = None;
+        Self { stamp, hdop, vdop, stated_m, receiver, submap: 0, antenna, p_in_world, velocity, pause_s }
     }
 }

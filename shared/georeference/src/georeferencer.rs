@@ -3,15 +3,24 @@
 use crate::drift::Drift;
 use crate::fixes::{Fix, Fixes};
 use crate::gravity::Gravity;
+use crate::path_prior::{PathPrior, PathSteps, RefinedPath};
 use crate::placing::{MIN_SPREAD_M, place_by_fixes};
+use crate::receiver_clock::estimated_delay;
 use crate::recent_path::RecentPath;
-use crate::{Gauge, Keyframe, LoopFinder, Places, PoseGraph, ReceiverDelay, RelativePose, Solution, Start};
-use geometry::{Geodetic, Point3, Pose};
+use crate::{
+    Gauge, GivenDeviation, Keyframe, LoopFinder, Places, PoseGraph, ReceiverDelay, RelativePose, Solution, Start,
+};
+use doubts::Doubt;
+use geometry::{Geodetic, Point3, Pose, Stamp, Trajectory};
 use messages::{FRAME_EAST_NORTH_UP, FRAME_LOCAL, GnssRow, ImuRow, PlacementHeader, PlacementRow, PoseDeviation};
 use nalgebra::Matrix6;
-use registration::{LocalMap, Registered};
+use registration::{GroundVelocity, LocalMap, Registered};
 use serde::{Deserialize, Serialize};
 
+/// Number of the last fixes that determine the delay of the receiver during the drive: half a minute or more.
+const RECENT_FIXES: usize = 64;
+/// Standard deviation of the delay before it is measured, s: NMEA sentences over a serial line take 0.05 to 0.3 s.
+const UNKNOWN_DELAY_S: f64 = 0.2;
 /// A submap gets a keyframe only after this path length since the last one, m: a standing vehicle measures nothing new.
 const KEYFRAME_M: f64 = 5.0;
 /// Selection of measurements, and mounting of the sensors.
@@ -56,6 +65,8 @@ pub struct Georeferencer {
     gravity: Gravity,
     path_m: f64,
     places: Places,
+    /// A given path as measurements.
+    prior: PathPrior,
 }
 
 /// Poses of the submaps in the world.
@@ -66,6 +77,10 @@ pub struct Placed {
     pub rows: Vec<PlacementRow>,
     /// Use of the fixes in the result.
     pub fixes: FixUse,
+    /// The doubt about fixes whose path differs from the odometry in size or shape.
+    pub shape: Option<Doubt>,
+    /// Steps of the given path, if it is a measurement.
+    pub steps: Option<PathSteps>,
     /// One line for the operator.
     pub summary: String,
 }
@@ -116,6 +131,17 @@ impl Georeferencer {
         n_valid
     }
 
+    /// The velocity of a fix with the delay that the last fixes show; `None` if the delay is out of range.
+    pub fn velocity(&self, row: &GnssRow) -> Option<GroundVelocity> {
+        let velocity = GroundVelocity::from_fix(row)?;
+        let used = self.fixes.used();
+        let Some(delay) = estimated_delay(&used[used.len().saturating_sub(RECENT_FIXES)..]) else {
+            return Some(velocity.with_delay(0.0, UNKNOWN_DELAY_S));
+        };
+        let late_s = if delay.is_significant() { delay.late_s } else { 0.0 };
+        (!delay.is_out_of_range()).then(|| velocity.with_delay(late_s, delay.sigma_s.min(UNKNOWN_DELAY_S)))
+    }
+
     /// Adds inertial samples in time order. They are kept only if they are used.
     pub fn add_imu(&mut self, rows: &[ImuRow], settings: &GeoreferenceSettings) {
         for row in rows.iter().filter(|_| settings.imu) {
@@ -139,6 +165,7 @@ impl Georeferencer {
                 target_from_source: before.odom_from_submap.inv_mul(&odom_from_submap),
                 information: self.drift.information(&before.odom_from_submap),
             });
+            self.graph.bent_m.push(self.drift.bent_m());
         }
         self.drift = Drift::default();
         self.nodes.push(Node { odom_from_submap, stamp });
@@ -189,6 +216,37 @@ impl Georeferencer {
         }
     }
 
+    /// Uses a given path up to the last sweep as a measurement. `deviation`: its standard deviations at a time.
+    pub fn add_path(&mut self, path: &Trajectory, deviation: impl Fn(Stamp) -> GivenDeviation) {
+        let Self { nodes, path: odometry, prior, .. } = self;
+        prior.update(odometry, path, deviation, |stamp| submap_at(nodes, stamp));
+    }
+
+    /// Places the submaps by the given path and the other measurements.
+    fn solve_with_path(&self, odom_from_submap: &[Pose], origin: Option<Geodetic>) -> Option<Placed> {
+        let RefinedPath { solution, steps, deviations } = self.prior.solve(&self.graph, odom_from_submap)?;
+        let header = header(&solution, self.graph.up_directions.len(), origin);
+        let mut rows = self.rows(&solution);
+        // Errors of a solution may last for the whole drive.
+        for (row, deviation) in rows.iter_mut().zip(&deviations) {
+            let [east, north, up] = deviation.east_north_up_m.map(|m| m as f32);
+            let [roll, pitch, heading] = deviation.roll_pitch_heading_rad.map(|rad| rad as f32);
+            let least_m = [east.max(north), east.max(north), up];
+            row.sigma_m = std::array::from_fn(|axis| row.sigma_m[axis].max(least_m[axis]));
+            let least_rad = [roll, pitch, heading];
+            row.sigma_rad = std::array::from_fn(|axis| row.sigma_rad[axis].max(least_rad[axis]));
+        }
+        let fixes = FixUse { n: 0, n_used: 0, spread_m: 0.0, delay: None };
+        let summary = format!(
+            "refined the given path over {} submaps; {} steps of the path, the largest {:.2} m; {:.0} % of the path has the offset that is used",
+            rows.len(),
+            steps.n,
+            steps.largest_m,
+            steps.share * 100.0
+        );
+        Some(Placed { header, rows, fixes, shape: None, steps: Some(steps), summary })
+    }
+
     /// Solves for the poses of all submaps with all measurements, at the end of the drive. `None` without submaps.
     pub fn solve(&mut self, settings: &GeoreferenceSettings) -> Option<Placed> {
         let Self { nodes, graph, path, fixes, gravity, .. } = self;
@@ -201,7 +259,16 @@ impl Georeferencer {
             return None;
         }
         let odom_from_submap: Vec<Pose> = self.nodes.iter().map(|node| node.odom_from_submap).collect();
-        let placing = place_by_fixes(&self.graph, &odom_from_submap, self.fixes.used(), settings.unsmooth_fixes);
+        if !self.prior.is_empty() {
+            return self.solve_with_path(&odom_from_submap, settings.origin);
+        }
+        let placing = place_by_fixes(
+            &self.graph,
+            &odom_from_submap,
+            self.fixes.used(),
+            self.fixes.origin().as_ref(),
+            settings.unsmooth_fixes,
+        );
         let n = self.fixes.used().len();
         let spread_m = placing.spread_m;
         let delay = placing.delay;
@@ -210,6 +277,13 @@ impl Georeferencer {
             None => (self.solve_without_fixes(&odom_from_submap)?, None),
         };
         let header = header(&solution, self.graph.up_directions.len(), origin);
+        let rows = self.rows(&solution);
+        let fixes = FixUse { n, n_used: header.n_fixes as usize, spread_m, delay };
+        let summary = summary(&header, &fixes, &rows);
+        Some(Placed { header, rows, fixes, shape: placing.shape, steps: None, summary })
+    }
+
+    fn rows(&self, solution: &Solution) -> Vec<PlacementRow> {
         let rows = self.nodes.iter().zip(&solution.poses).zip(&solution.covariances).enumerate();
         let row = |(submap, ((node, pose), covariance)): (usize, ((&Node, &Pose), &Matrix6<f64>))| {
             let sigma = |axis: usize| covariance[(axis, axis)].max(0.0).sqrt() as f32;
@@ -222,10 +296,7 @@ impl Georeferencer {
                 sigma_rad: [sigma(3), sigma(4), sigma(5)],
             }
         };
-        let rows: Vec<PlacementRow> = rows.map(row).collect();
-        let fixes = FixUse { n, n_used: header.n_fixes as usize, spread_m, delay };
-        let summary = summary(&header, &fixes, &rows);
-        Some(Placed { header, rows, fixes, summary })
+        rows.map(row).collect()
     }
 
     fn solve_without_fixes(&self, odom_from_submap: &[Pose]) -> Option<Solution> {

@@ -1,5 +1,6 @@
 //! The pose graph: measurements, and the poses that fit them best.
 
+mod bend;
 mod elimination;
 mod factors;
 mod measurements;

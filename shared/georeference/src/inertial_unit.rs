@@ -33,6 +33,7 @@ impl InertialUnit {
         let mut samples: Vec<InertialSample> = rows.iter().map(InertialSample::from).collect();
         if let Some(check) = &mut self.check {
             samples = check.add_samples(&samples);
+            odometry.set_imu_probation(check.is_on_probation());
             forget_wrong(check, odometry, georeferencer);
         }
         let rows: Vec<ImuRow> = samples.iter().map(ImuRow::from).collect();

@@ -4,12 +4,13 @@
 //! | measurement | module |
 //! |---|---|
 //! | odometry between consecutive submaps, with its covariance | `drift` |
-//! | antenna positions from the fixes of a GNSS receiver, and their errors | `fixes`, `receiver_errors`, `receiver_filter` |
+//! | antenna positions from the fixes of a GNSS receiver, and their errors | `fixes`, `receiver_errors`, `lasting_error`, `receiver_filter` |
 //! | direction of gravity from the samples of an inertial unit | `gravity` |
 //! | loop closures: places that were visited twice | [`loops`](LoopFinder) |
 //!
 //! - [`Georeferencer`] collects the measurements during the drive and solves the problem at the end.
 //! - [`PoseGraph`] holds the measurements. [`PoseGraph::solve`] finds the poses and their covariances.
+//! - [`GivenPlacing`] takes the poses of the submaps from a post-processed trajectory instead.
 //! - [`align_odometry`] finds north and the offset to the world before the graph is solved.
 //! - [`Keyframe`] describes the surroundings of a submap, [`LoopFinder`] recognizes them later, [`Places`] keeps one
 //!   keyframe of each place.
@@ -30,12 +31,18 @@ mod antenna_track;
 mod deviations;
 mod drift;
 mod fix_doubts;
+mod fix_shape;
 mod fixes;
 mod georeferencer;
+mod given_placing;
 mod graph;
 mod gravity;
 mod inertial_unit;
+mod lasting_error;
 mod loops;
+mod median;
+mod path_difference;
+mod path_prior;
 mod placing;
 mod receiver_clock;
 mod receiver_errors;
@@ -46,8 +53,13 @@ mod words;
 pub use alignment::{Alignment, PointPair, align_odometry};
 pub use fix_doubts::fix_doubts;
 pub use georeferencer::{FixUse, GeoreferenceSettings, Georeferencer, Placed};
+pub use given_placing::{GivenDeviation, GivenPlacing};
 pub use graph::{AntennaPosition, Gauge, HorizontalVelocity, PoseGraph, RelativePose, Solution, Start, UpDirection};
 pub use inertial_unit::InertialUnit;
-pub use loops::{Keyframe, LoopClosure, LoopFinder, LoopSettings, Places};
+pub use loops::{
+    Fit, FitFloor, Keyframe, LoopClosure, LoopFinder, LoopSettings, Places, SurfacePoint, refine, surface_map,
+};
+pub use path_difference::path_difference;
+pub use path_prior::PathSteps;
 pub use receiver_clock::ReceiverDelay;
-pub use words::Correction;
+pub use words::{Correction, PathSource};

@@ -8,5 +8,6 @@ mod refinement;
 mod scan_context;
 
 pub use finder::{LoopClosure, LoopFinder, LoopSettings};
-pub use keyframe::Keyframe;
+pub use keyframe::{Keyframe, SurfacePoint};
 pub use places::Places;
+pub use refinement::{Fit, FitFloor, refine, surface_map};

@@ -7,11 +7,13 @@
 //!    estimated from their residuals, without the fixes that disagree while most agree.
 
 use crate::deviations::{judge, majority};
+use crate::fix_shape::shape_doubt;
 use crate::fixes::UsedFix;
 use crate::receiver_clock::{ReceiverDelay, receiver_delay, yaw_by_velocities};
 use crate::receiver_errors::correct_positions;
 use crate::{AntennaPosition, Gauge, PointPair, PoseGraph, Solution, Start, UpDirection, align_odometry};
-use geometry::{Isometry3, Pose, UnitQuaternion, Vector3};
+use doubts::Doubt;
+use geometry::{Geodetic, Isometry3, Pose, UnitQuaternion, Vector3};
 
 /// Least root mean square distance of positions from their center with which they determine north, m: for example on 35
 /// m of straight road. An error of one metre then rotates the result by some degrees, and the covariances include it.
@@ -32,6 +34,8 @@ pub(crate) struct Placing {
     /// Root mean square horizontal distance of the fixes from their center, m.
     pub spread_m: f64,
     pub delay: Option<ReceiverDelay>,
+    /// The doubt about the size and shape of the path of the fixes.
+    pub shape: Option<Doubt>,
     /// The solution; `None` if the fixes do not determine the placement.
     pub placed: Option<Solution>,
 }
@@ -41,6 +45,7 @@ pub(crate) fn place_by_fixes(
     graph: &PoseGraph,
     odom_from_submap: &[Pose],
     fixes: &[UsedFix],
+    origin: Option<&Geodetic>,
     unsmooth_fixes: bool,
 ) -> Placing {
     let delay = receiver_delay(fixes);
@@ -52,20 +57,23 @@ pub(crate) fn place_by_fixes(
     let of_submap = |fix: &UsedFix| odom_from_submap[fix.submap];
     graph.velocities = fixes.iter().filter_map(|fix| fix.horizontal_velocity(late_s, &of_submap(fix))).collect();
     let positions: Vec<AntennaPosition> = fixes.iter().map(|fix| fix.position(late_s, &of_submap(fix))).collect();
-    let Some(FixedStart { spread_m, world_from_submap }) =
+    let Some(FixedStart { spread_m, pairs, world_from_submap }) =
         start(&graph, &positions, odom_from_submap, yaw_by_velocities(fixes, late_s))
     else {
-        return Placing { spread_m: 0.0, delay, placed: None };
+        return Placing { spread_m: 0.0, delay, shape: None, placed: None };
     };
+    let shape = shape_doubt(&pairs, origin);
     let is_spread = spread_m >= MIN_SPREAD_M;
     let placed = is_spread.then(|| solve(graph, &positions, world_from_submap, fixes, unsmooth_fixes)).flatten();
-    Placing { spread_m, delay, placed }
+    Placing { spread_m, delay, shape, placed }
 }
 
 /// Poses that agree with the most fixes.
 struct FixedStart {
     /// Spread of the fixes.
     spread_m: f64,
+    /// Positions of the antenna by the odometry and by the fixes.
+    pairs: Vec<PointPair>,
     world_from_submap: Vec<Pose>,
 }
 
@@ -89,7 +97,7 @@ fn start(
     let pairs: Vec<PointPair> = positions.iter().map(pair).collect();
     let alignment = align_odometry(&pairs, yaw.map(|_| 0.0))?;
     let world_from_submap = shape.iter().map(|pose| alignment.world_from_odom * pose).collect();
-    Some(FixedStart { spread_m: alignment.spread_m, world_from_submap })
+    Some(FixedStart { spread_m: alignment.spread_m, pairs, world_from_submap })
 }
 
 /// Solves the graph with the fixes; `None` if no fix agrees with the result.

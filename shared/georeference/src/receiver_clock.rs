@@ -35,13 +35,19 @@ impl ReceiverDelay {
         self.late_s.abs() > AntennaTrack::HALF_SPAN_S - 1.5 * STEP_S
     }
     /// Whether it exceeds the noise.
-    fn is_significant(&self) -> bool {
+    pub(crate) fn is_significant(&self) -> bool {
         self.late_s.abs() > MIN_DELAY_S && self.late_s.abs() > MIN_SIGNIFICANCE * self.sigma_s
     }
 }
 
 /// The delay, if the velocities show one. It is also returned if it is out of range.
 pub(crate) fn receiver_delay(fixes: &[UsedFix]) -> Option<ReceiverDelay> {
+    let is_at_the_end = |delay: &ReceiverDelay| delay.late_s.abs() == AntennaTrack::HALF_SPAN_S;
+    estimated_delay(fixes).filter(|delay| is_at_the_end(delay) || delay.is_significant())
+}
+
+/// The delay, however small; `None` without enough velocities, or if they do not change. Delays out of range are at its end.
+pub(crate) fn estimated_delay(fixes: &[UsedFix]) -> Option<ReceiverDelay> {
     let fixes: Vec<&UsedFix> = fixes.iter().filter(|fix| fix.velocity.is_some()).collect();
     if fixes.len() < MIN_VELOCITIES {
         return None;
@@ -65,8 +71,7 @@ pub(crate) fn receiver_delay(fixes: &[UsedFix]) -> Option<ReceiverDelay> {
     // A cost above the number of its components indicates larger velocity errors.
     let per_component = (costs[best] / (2.0 * fixes.len() as f64)).max(1.0);
     let sigma_s = STEP_S * (2.0 * per_component / curvature).sqrt();
-    let delay = ReceiverDelay { late_s: (best as f64 + shift - f64::from(n_side)) * STEP_S, sigma_s };
-    delay.is_significant().then_some(delay)
+    Some(ReceiverDelay { late_s: (best as f64 + shift - f64::from(n_side)) * STEP_S, sigma_s })
 }
 
 /// Sum of the squared residuals for stamps that are late by `late_s`. Each window of velocities has its own heading.

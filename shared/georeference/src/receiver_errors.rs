@@ -82,7 +82,7 @@ pub fn correct_positions(
 
 /// Standard deviations of the errors that are independent from fix to fix, per axis, m, from the second differences. 0
 /// for a smooth sequence.
-fn independent_noise(residuals: &[FixResidual]) -> Vector3<f64> {
+pub(crate) fn independent_noise(residuals: &[FixResidual]) -> Vector3<f64> {
     let near = |triple: &&[FixResidual]| triple[2].stamp - triple[0].stamp <= 2 * MAX_NOISE_PAUSE_NANOS;
     let second_difference = |triple: &[FixResidual]| triple[2].residual - triple[1].residual * 2.0 + triple[0].residual;
     let differences: Vec<Vector3<f64>> = residuals.windows(3).filter(near).map(second_difference).collect();

@@ -5,6 +5,7 @@
 //! known to work in this manner, so the inversion is off unless [`crate::GeoreferenceSettings::unsmooth_fixes`] is set.
 
 use crate::AntennaPosition;
+use crate::median::median;
 use geometry::Vector3;
 
 /// Gain of the filter, 1/s, at a dilution of 1; smaller at a larger dilution. Gains of 0.12 to 0.17 perform equally
@@ -34,12 +35,13 @@ pub struct FixResidual {
 /// independent errors are 1.4 times as long as the errors; the steps of the simulated receiver are 0.15 to 0.2 times as
 /// long. A slowly changing error also has short steps, but the steps of the noise on it reverse.
 pub fn is_smoothed(residuals: &[FixResidual]) -> bool {
-    let center = [0, 1].map(|axis| median(residuals.iter().map(|fix| fix.residual[axis])));
+    let center = [0, 1].map(|axis| median(residuals.iter().map(|fix| fix.residual[axis])).unwrap_or(0.0));
     let errors = residuals.iter().map(|fix| (fix.residual.x - center[0]).hypot(fix.residual.y - center[1]));
     let steps: Vec<_> = residuals.windows(2).map(|pair| (pair[1].residual - pair[0].residual).xy()).collect();
     let n_reversals = steps.windows(2).filter(|pair| pair[0].dot(&pair[1]) < 0.0).count();
     let reverses = n_reversals as f64 > MAX_REVERSALS * (steps.len() as f64 - 1.0);
-    median(steps.iter().map(nalgebra::Matrix::norm)) < MAX_STEP_SHARE * median(errors) && !reverses
+    let [step, error] = [median(steps.iter().map(nalgebra::Matrix::norm)), median(errors)].map(|of| of.unwrap_or(0.0));
+    step < MAX_STEP_SHARE * error && !reverses
 }
 
 /// Inverts one step of the filter: moves the position to the fix that corrected the filter. `change` is the change of
@@ -55,11 +57,4 @@ pub fn unsmooth(position: &mut AntennaPosition, change: &Vector3<f64>, seconds: 
     let [east, north, _] = &mut position.sigma_m;
     *east *= noise;
     *north *= noise;
-}
-
-/// Median of the values; 0 without values.
-fn median(values: impl Iterator<Item = f64>) -> f64 {
-    let mut values: Vec<f64> = values.collect();
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
 }

@@ -11,3 +11,15 @@ settings::words! {
         Loops = "loops",
     }
 }
+
+settings::words! {
+    /// Sources of the path of the vehicle.
+    pub enum PathSource {
+        /// Odometry and measurements; a given path is compared.
+        Odometry = "odometry",
+        /// The given path.
+        Given = "given",
+        /// Odometry, with the given path as a measurement.
+        Refined = "refined",
+    }
+}

@@ -17,26 +17,47 @@ const MIN_SPREAD: f32 = 0.5;
 /// Half the side of the window of the vote, cells.
 const VOTE_REACH: usize = 5;
 
-/// Whether the heights around a cell scatter by more than `limit_m` (standard deviation, m) around their plane. NaN is
-/// a cell without a height; such cells, and cells with too few heights around them, are not rough.
+/// Share of the ground that is smooth: its deviations are the noise of the sensor.
+const SMOOTH_SHARE: f64 = 0.25;
+
+/// Ground is at most this many times as rough as smooth ground. Chosen on five places of a Livox Avia, whose smooth ground deviates by 0.7 to
+/// 3 cm: 0, 2, 3, 5 give 93.0, 94.8, 95.3, 95.6 % correct points there, and 97.0, 97.0, 96.9, 96.8 % on sweeps of an HDL-64E, whose smooth
+/// ground deviates by 0.4 cm.
+const NOISE_FACTOR: f32 = 3.0;
+
+/// Largest noise, m: where no ground is smooth, vegetation stays rough. Of five places of a Livox Avia, one has more (94.9 instead of
+/// 95.3 % of all five).
+const MAX_NOISE_M: f32 = 0.02;
+
+/// Whether the heights around a cell scatter around their plane by more than `limit_m` (standard deviation, m) and the noise of the sensor
+/// together. NaN is a cell without a height; such cells, and cells with too few heights around them, are not rough.
 ///
 /// A larger window includes more of the curvature: its limit is larger by its number (1, 2, 3). The majority of the
 /// cells within 1.1 m decides, so that a curb, which is narrow, is not rough.
 pub(crate) fn rough_cells(heights_m: &Array2<f32>, limit_m: f32) -> Array2<bool> {
-    let scatters = for_each_cell(heights_m.dim(), |cell| {
+    let deviations_m = for_each_cell(heights_m.dim(), |cell| {
         if heights_m[cell].is_nan() {
             return None;
         }
         let mut windows = REACHES.into_iter().zip(1_u8..);
         windows.find_map(|(reach, number)| {
             let deviation_m = deviation_from_plane(&window(heights_m, cell, reach), heights_m[cell])?;
-            Some(deviation_m > f32::from(number) * limit_m)
+            Some(deviation_m / f32::from(number))
         })
     });
+    let limit_m = limit_m.hypot(NOISE_FACTOR * noise_m(&deviations_m));
+    let scatters = deviations_m.map(|deviation_m| deviation_m.map(|deviation_m| deviation_m > limit_m));
     for_each_cell(heights_m.dim(), |cell| {
         let votes = |of: Option<bool>| window(&scatters, cell, VOTE_REACH).iter().filter(|vote| **vote == of).count();
         scatters[cell].is_some() && votes(Some(true)) > votes(Some(false))
     })
+}
+
+/// The deviation of smooth ground, 0 to [`MAX_NOISE_M`]; 0 without ground.
+fn noise_m(deviations_m: &Array2<Option<f32>>) -> f32 {
+    let mut known: Vec<f32> = deviations_m.iter().flatten().copied().collect();
+    let at = (known.len() as f64 * SMOOTH_SHARE) as usize;
+    if known.is_empty() { 0.0 } else { known.select_nth_unstable_by(at, f32::total_cmp).1.min(MAX_NOISE_M) }
 }
 
 /// An image of the values of its cells, computed by all threads.
@@ -100,6 +121,18 @@ mod tests {
             let n_rough = rough_cells(&heights_m, 0.04).iter().filter(|rough| **rough).count();
             assert_eq!(n_rough, n_heights, "one of {sparse}");
         }
+    }
+
+    #[test]
+    fn noise_of_the_sensor_is_not_rough_beside_rougher_vegetation() {
+        let mut heights_m = slope(0.025, 1);
+        let grass = slope(0.2, 1);
+        heights_m.slice_mut(s![30.., ..]).assign(&grass.slice(s![30.., ..]));
+        let rough = rough_cells(&heights_m, 0.02);
+        assert!(
+            !rough.slice(s![..24, ..]).iter().any(|rough| *rough)
+                && rough.slice(s![36.., ..]).iter().all(|rough| *rough)
+        );
     }
 
     #[test]

@@ -125,7 +125,7 @@ fn sweeps(source: &Path, options: &Options, body_from_lidar: Pose) -> Result<Pla
         plan.conversions.push(Conversion {
             place: Path::new(LIDAR_FOLDER).join(name),
             originals: vec![original.clone()],
-            bytes: Box::new(move || SweepFile::read(&original, stamp)?.pcd(rings.as_ref())),
+            content: Box::new(move || Ok(SweepFile::read(&original, stamp)?.pcd(rings.as_ref())?.into())),
         });
     }
     Ok(plan)

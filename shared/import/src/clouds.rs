@@ -1,4 +1,4 @@
-//! Third-party labeled clouds as recordings of the topics `submap`, `trajectory`, `class` and `instance`: the points are
+//! Third-party labeled clouds as recordings of the topics `submap`, `trajectory`, `class`, `instance` and `color`: the points are
 //! already registered, so they enter the pipeline after the odometry.
 //!
 //! A source is read twice: once to find the positions of the scanner, once to sort the points into tiles, which are files
@@ -25,11 +25,11 @@ use crate::error::{At, ImportError};
 use finder::Finder;
 use layout::Columns;
 use points::{CloudPoint, each_point};
-use recording::SubmapRecording;
+use recording::{Given, SubmapRecording};
 use std::collections::BTreeMap;
 use std::path::Path;
 use sweeps::Sweeps;
-use tile_files::TileFiles;
+use tile_files::{TileFiles, TilePoint};
 
 /// Extension of recordings.
 pub(crate) const EXTENSION: &str = "mcap";
@@ -71,10 +71,13 @@ pub(crate) fn import(layout: Layout, source: &Path, out: &Path) -> Result<Vec<St
         let rule = format!("must have positions of the scanner and times as {}, or neither", files[0].display());
         return Err(ImportError::at(&files[other], rule));
     }
-    let has_instances = columns.iter().all(Columns::has_instances);
+    let given = Given {
+        instances: columns.iter().all(Columns::has_instances),
+        colors: columns.iter().all(Columns::has_colors),
+    };
     let origin = origin(&files[0], first)?;
     let about = about(layout, source, origin, has_positions);
-    let mut recording = SubmapRecording::create(&path, &about, has_instances)?;
+    let mut recording = SubmapRecording::create(&path, &about, &given)?;
     let mut account = Account::default();
     for (number, (file, columns)) in files.iter().zip(&columns).enumerate() {
         let (sweeps, mut tiles) = sort(file, columns, origin, &partial.folder, recording.next_stamp(), &mut account)?;
@@ -91,6 +94,15 @@ pub(crate) fn import(layout: Layout, source: &Path, out: &Path) -> Result<Vec<St
     let plural = if n_submaps == 1 { "" } else { "s" };
     let mut report = vec![format!("{}: {n_submaps} submap{plural} ({name})", out.display())];
     report.extend(account.report(name, has_positions, origin));
+    for (what, is_given, has) in [
+        ("instances", given.instances, Columns::has_instances as fn(&Columns) -> bool),
+        ("colors", given.colors, Columns::has_colors),
+    ] {
+        let n_with = columns.iter().filter(|columns| has(columns)).count();
+        if n_with > 0 && !is_given {
+            report.push(format!("not imported: {what}, which only {n_with} of {} files have", columns.len()));
+        }
+    }
     if !first.left.is_empty() {
         report.push(format!("not imported: columns {}", first.left.join(", ")));
     }
@@ -132,7 +144,9 @@ fn sort(
         };
         let class = columns.class_of(point.label);
         account.count(&point, class);
-        tiles.add(sweeps.tile_of(sweep), &row, class.map_or(0, |class| class as u8), point.instance)
+        let CloudPoint { instance, color, .. } = point;
+        let added = TilePoint { point: row, class: class.map_or(0, |class| class as u8), color, instance };
+        tiles.add(sweeps.tile_of(sweep), &added)
     })?;
     account.n_sweeps += sweeps.len() as u64;
     Ok((sweeps, tiles))

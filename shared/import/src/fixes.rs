@@ -3,7 +3,7 @@
 use crate::plan::{Plan, TextFile};
 use drive::manifest::GnssEntry;
 use geometry::Stamp;
-use lidar::nmea::{Fix, Sentence, gga_from_fix, parse, rmc_from_fix};
+use lidar::nmea::{Fix, Sentence, gga_from_fix, gst_from_fix, parse, rmc_from_fix};
 
 /// A millisecond, the resolution of times in sentences, ns.
 const MILLI: i64 = 1_000_000;
@@ -32,7 +32,7 @@ pub(crate) fn add<'a>(plan: &mut Plan, fixes: impl IntoIterator<Item = &'a Fix>,
 
 /// Checks that a fix can be a line of the log.
 pub(crate) fn check(fix: &Fix) -> Result<(), String> {
-    let [gga, rmc] = sentences(fix).map(|sentence| parse(&sentence).map_err(|error| error.to_string()));
+    let [gga, rmc] = position_sentences(fix).map(|sentence| parse(&sentence).map_err(|error| error.to_string()));
     gga?;
     match rmc? {
         Sentence::Rmc(rmc) if rmc.stamp.map(millisecond) == Some(millisecond(fix.stamp)) => Ok(()),
@@ -46,6 +46,10 @@ pub(crate) fn millisecond(stamp: Stamp) -> i64 {
 }
 
 /// Heights are above the ellipsoid, so the sentences state a geoid separation of 0.
-fn sentences(fix: &Fix) -> [String; 2] {
+fn sentences(fix: &Fix) -> impl Iterator<Item = String> {
+    gst_from_fix(fix).into_iter().chain(position_sentences(fix))
+}
+
+fn position_sentences(fix: &Fix) -> [String; 2] {
     [gga_from_fix(fix, 0.0), rmc_from_fix(fix)]
 }

@@ -32,6 +32,8 @@ pub enum Kind {
     Toronto,
     /// Labeled clouds of `Street3D` as text.
     Street3d,
+    /// Labeled clouds of Oakland 3-D as text.
+    Oakland,
     /// Point clouds of PCL.
     Pcd,
     /// Point clouds of the Stanford format.
@@ -42,7 +44,7 @@ pub enum Kind {
 
 impl Kind {
     /// All layouts, in the order in which they are recognized.
-    pub const ALL: [Self; 14] = [
+    pub const ALL: [Self; 15] = [
         Self::Ros,
         Self::KittiRaw,
         Self::KittiOdometry,
@@ -57,6 +59,7 @@ impl Kind {
         Self::Ply,
         Self::Las,
         Self::Street3d,
+        Self::Oakland,
     ];
 
     /// Value of `--kind`.
@@ -76,6 +79,7 @@ impl Kind {
             Self::ParisLille => "paris-lille-3d",
             Self::Toronto => "toronto-3d",
             Self::Street3d => "street3d",
+            Self::Oakland => "oakland-3d",
         }
     }
 
@@ -98,6 +102,7 @@ impl Kind {
             Self::ParisLille => Layout::ParisLille.title(),
             Self::Toronto => Layout::Toronto.title(),
             Self::Street3d => Layout::Street3d.title(),
+            Self::Oakland => Layout::Oakland.title(),
         }
     }
 
@@ -108,6 +113,7 @@ impl Kind {
             Self::ParisLille => Some(Layout::ParisLille),
             Self::Toronto => Some(Layout::Toronto),
             Self::Street3d => Some(Layout::Street3d),
+            Self::Oakland => Some(Layout::Oakland),
             _ => None,
         }
     }
@@ -129,10 +135,12 @@ impl Kind {
             Self::ParisLille => "*.ply with reflectance and class",
             Self::Toronto => "*.ply with scalar_Label",
             Self::Street3d => "*.txt with points and classes",
+            Self::Oakland => "*.xyz_label_conf",
         }
     }
 
-    fn fits(self, source: &Path) -> Result<bool, ImportError> {
+    /// Whether a source has this layout.
+    pub fn fits(self, source: &Path) -> Result<bool, ImportError> {
         let has = |end: &str| files(source, end).map(|files| !files.is_empty());
         Ok(match self {
             Self::Ros => ros::is_bag(source),
@@ -145,7 +153,7 @@ impl Kind {
             Self::Las => has(".las")? || has(".laz")?,
             Self::Mandeye => !mandeye::lidar_files(source)?.is_empty(),
             Self::Boreas => boreas::is_sequence(source),
-            Self::ParisCarla | Self::ParisLille | Self::Toronto | Self::Street3d => {
+            Self::ParisCarla | Self::ParisLille | Self::Toronto | Self::Street3d | Self::Oakland => {
                 self.clouds().map_or(Ok(false), |layout| layout.fits(source))?
             }
         })
@@ -160,8 +168,11 @@ impl Kind {
                 return Ok(kind);
             }
         }
-        let marks = Self::ALL.map(Self::mark).join(", ");
         let found = if source.is_dir() { KindOfFiles::list(source).at(source)? } else { Vec::new() };
+        if let Some(rule) = next_step(source, &found) {
+            return Err(ImportError::at(source, rule));
+        }
+        let marks = Self::ALL.map(Self::mark).join(", ");
         let found = if found.is_empty() { String::new() } else { format!("; found {}", KindOfFiles::texts(&found)) };
         Err(ImportError::at(source, format!("no known layout; must contain one of {marks}{found}")))
     }
@@ -184,5 +195,30 @@ impl Kind {
             KindOfFiles::texts(&found)
         );
         Err(ImportError::at(source, rule))
+    }
+}
+
+/// What to do with a folder of recordings of one kind that is not a layout; `None` if the layouts are the answer.
+fn next_step(source: &Path, found: &[KindOfFiles]) -> Option<String> {
+    let [kind] = found else { return None };
+    let path = kind.files.first()?.display();
+    let files = kind.text();
+    match kind.extension {
+        "mcap" | "db3" if kind.files.len() == 1 => Some(format!(
+            "has {files} without metadata.yaml, so it is not the folder of a ROS 2 bag: import the file itself, {path}, or write \
+             metadata.yaml with `ros2 bag reindex`"
+        )),
+        "mcap" | "db3" => Some(format!(
+            "has {files} without metadata.yaml, which states whether they are parts of one recording: write it with `ros2 bag reindex`, \
+             or import each file, as {path}"
+        )),
+        "bag" => Some(format!(
+            "has {files}, which is not a bag of ROS 1: import the folder of its metadata.yaml, or record it again"
+        )),
+        "pcap" => Some(format!(
+            "has {files}: captures need no import; set run.drive = \"{}\", and write a drive.toml there for the mounting (`replica rig new`)",
+            source.display()
+        )),
+        _ => None,
     }
 }

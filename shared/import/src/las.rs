@@ -7,7 +7,7 @@ use crate::error::{At, ImportError};
 use extra_bytes::ExtraField;
 use files::regular_file;
 use formats::cloud::CloudPoint;
-use formats::cloud_fields::{Column, Field, RawCloud, ValueType};
+use formats::cloud_fields::{Column, Field, PointFlags, RawCloud, ValueType};
 use laz::{LasZipDecompressor, LazVlr};
 use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
@@ -30,6 +30,10 @@ const TIME_AT: [Option<usize>; 11] =
 
 /// Bytes of a record without extra bytes, by point format.
 const RECORD_BYTES: [usize; 11] = [20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67];
+/// First point format with 256 classes and a byte of flags.
+const FIRST_LONG_FORMAT: u8 = 6;
+/// Classes of noise: low noise, and high noise of LAS 1.4.
+const NOISE: [u8; 2] = [7, 18];
 /// Name of the times.
 pub(crate) const GPS_TIME: &str = "GPS time";
 
@@ -44,6 +48,10 @@ pub(crate) struct LasPoint {
     pub time_s: Option<f64>,
     /// Number of the beam, from the extra bytes.
     pub beam: Option<f64>,
+    /// Whether it is flagged as withheld: deleted without removing it from the file.
+    is_withheld: bool,
+    /// Whether it is classified as noise.
+    is_noise: bool,
 }
 
 impl LasPoint {
@@ -60,7 +68,7 @@ pub(crate) fn raw_from_las(path: &Path) -> Result<RawCloud, ImportError> {
     let mut intensities = Vec::new();
     let mut times = Vec::new();
     let mut beams = Vec::new();
-    each_block(path, |block| {
+    let flags = each_block(path, |block| {
         for point in block {
             positions.push(point.position);
             intensities.push(f64::from(point.intensity));
@@ -79,6 +87,8 @@ pub(crate) fn raw_from_las(path: &Path) -> Result<RawCloud, ImportError> {
         intensities: column(Field::Intensity.names()[0], ValueType::U16, intensities),
         beams: column(Field::Ring.names()[0], ValueType::U16, beams),
         times: column(GPS_TIME, ValueType::F64, times),
+        viewpoint: None,
+        flags,
     })
 }
 
@@ -89,6 +99,8 @@ struct Layout {
     n_bytes: u64,
     /// Number of the point format, 0 to 10.
     format: u8,
+    /// Minor version of the format LAS 1.
+    minor: u8,
     data_at: u64,
     n_points: u64,
     record_bytes: usize,
@@ -101,11 +113,11 @@ struct Layout {
     laszip: Option<Vec<u8>>,
 }
 
-/// Passes all points of a file to `take`, block by block.
+/// Passes all points of a file to `take`, block by block, except for withheld ones. Returns the numbers of flagged points.
 pub(crate) fn each_block(
     path: &Path,
     mut take: impl FnMut(&[LasPoint]) -> Result<(), ImportError>,
-) -> Result<(), ImportError> {
+) -> Result<PointFlags, ImportError> {
     let file = regular_file::open(path).at(path)?;
     let n_bytes = file.metadata().at(path)?.len();
     let mut file = BufReader::new(file);
@@ -120,6 +132,7 @@ pub(crate) fn each_block(
         }
         Some(vlr) => Some(decompressor(&layout, vlr, path)?),
     };
+    let mut flags = PointFlags { n_points: layout.n_points, ..PointFlags::default() };
     let mut left = layout.n_points;
     while left > 0 {
         let n = (block_points as u64).min(left) as usize;
@@ -128,12 +141,15 @@ pub(crate) fn each_block(
             None => file.read_exact(block).at(path)?,
             Some(decompressor) => guarded(|| decompressor.decompress_many(block), path)?.at(path)?,
         }
-        let points: Vec<LasPoint> =
+        let mut points: Vec<LasPoint> =
             block.chunks_exact(layout.record_bytes).map(|record| layout.point(record)).collect();
+        points.retain(|point| !point.is_withheld);
+        flags.n_withheld += n as u64 - points.len() as u64;
+        flags.n_noise += points.iter().filter(|point| point.is_noise).count() as u64;
         take(&points)?;
         left -= n as u64;
     }
-    Ok(())
+    Ok(flags)
 }
 
 /// Calls the decoder, which panics on some damaged files.
@@ -220,8 +236,19 @@ impl Layout {
         let beam = extra_bytes::beam(&mut *file, &header, RECORD_BYTES[usize::from(format)])
             .map_err(|error| error.to_string())?;
         let beam = beam.filter(|beam| beam.end() <= record_bytes);
-        let mut layout =
-            Self { n_bytes, format, data_at, n_points, record_bytes, time_at, beam, scale, offset, laszip: None };
+        let mut layout = Self {
+            n_bytes,
+            format,
+            minor: header[25],
+            data_at,
+            n_points,
+            record_bytes,
+            time_at,
+            beam,
+            scale,
+            offset,
+            laszip: None,
+        };
         if !is_compressed {
             layout.check_count(file, &header)?;
         }
@@ -291,7 +318,15 @@ impl Layout {
 
     fn point(&self, record: &[u8]) -> LasPoint {
         let value = |k: usize| f64::from(u32_at(record, 4 * k) as i32) * self.scale[k] + self.offset[k];
+        let (class, is_withheld) = if self.format >= FIRST_LONG_FORMAT {
+            (record[16], record[15] & 0x04 != 0)
+        } else {
+            // LAS 1.0 has no flags in this byte.
+            (record[15] & 0x1f, self.minor > 0 && record[15] & 0x80 != 0)
+        };
         LasPoint {
+            is_withheld,
+            is_noise: NOISE.contains(&class),
             position: [value(0), value(1), value(2)],
             intensity: u16_at(record, 12),
             time_s: self.time_at.map(|at| f64_at(record, at)),

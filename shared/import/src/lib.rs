@@ -10,6 +10,7 @@
 //! | one layout per module | `boreas`, `kitti`, `las`, `mandeye`, `nuscenes`, `plain`, `ros` |
 //! | labeled clouds as recordings | `clouds` |
 //! | tables shared by several layouts | `rows`, `imu_table`, `fixes`, `rings` |
+//! | post-processed trajectories next to the files | `trajectory` |
 //! | files that were left out, for the report | `left_out` |
 //!
 //! An import must never change the source, guess a calibration or a unit that the source does not state, or leave a partial
@@ -43,6 +44,7 @@ mod rows;
 mod stamp_text;
 mod sweeps;
 mod times;
+mod trajectory;
 
 pub use error::{ImportError, Rule};
 pub use kind::Kind;
@@ -51,7 +53,7 @@ pub use ros::{LiveData, LiveSensor, LiveTopic, RosOptions};
 use drive::Drive;
 use error::At;
 use lidar::Model;
-use plan::Plan;
+use plan::{Plan, Written};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -102,8 +104,11 @@ pub fn import(source: &Path, out: &Path, options: &Options) -> Result<Vec<String
         return Err(ImportError::at(out, rule));
     }
     let partial = Partial::create(out)?;
-    let plan = plan(kind, source, &partial.folder, options)?;
-    let n_copied = plan.write(&partial.folder)?;
+    let mut plan = plan(kind, source, &partial.folder, options)?;
+    if !options.lidar_only {
+        trajectory::add(&mut plan, source)?;
+    }
+    let Written { n_copied, flags } = plan.write(&partial.folder)?;
     let drive = Drive::open(&partial.folder).at(out)?;
     let n_sweeps = drive.sweep_files().len();
     let model = drive.model().name();
@@ -111,6 +116,7 @@ pub fn import(source: &Path, out: &Path, options: &Options) -> Result<Vec<String
     let plural = if n_sweeps == 1 { "" } else { "s" };
     let mut report = vec![format!("{}: {n_sweeps} {file}{plural} of {model} ({})", out.display(), kind.title())];
     report.extend(plan.report.iter().cloned());
+    report.extend(flags.lines());
     if n_copied > 0 {
         report.push(format!("{n_copied} files were copied: the file system of the drive has no links"));
     }

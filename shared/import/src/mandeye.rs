@@ -37,6 +37,7 @@ pub(crate) fn plan(source: &Path, options: &Options) -> Result<Plan, ImportError
     let named = Sweeps { files: (0..times.len()).map(|seq| (name(seq), PathBuf::new())).collect(), times: Some(times) };
     let mut plan = named.plan(Kind::Mandeye, &crate::drive_name(source, Kind::Mandeye), lidar);
     plan.links.clear();
+    plan.report.extend(chunks.flags().lines());
     if let Some(sweep) = chunks.sweeps().iter().find(|sweep| sweep.n_points > SweepReader::MAX_RETURNS) {
         let rule = format!(
             "{} points in a tenth of a second; a sweep has at most {}",
@@ -50,7 +51,7 @@ pub(crate) fn plan(source: &Path, options: &Options) -> Result<Plan, ImportError
         plan.conversions.push(Conversion {
             place: Path::new(LIDAR_FOLDER).join(name(seq)),
             originals: Vec::new(),
-            bytes: Box::new(move || chunks.sweep(seq)),
+            content: Box::new(move || Ok(chunks.sweep(seq)?.into())),
         });
     }
     plan.read.extend(originals);

@@ -7,7 +7,7 @@ use crate::error::{At, ImportError};
 use crate::files::files;
 use crate::imu_table;
 use crate::imu_units::to_metric;
-use crate::plan::{Conversion, Plan, TextFile};
+use crate::plan::{Conversion, Converted, Plan, TextFile};
 use crate::rows::{self, Rows};
 use crate::sweeps::{LIDAR_FOLDER, Sweeps};
 use crate::{Kind, Options};
@@ -111,16 +111,21 @@ fn interval_s(sweeps: &Sweeps) -> Option<f64> {
 fn convert(plan: &mut Plan, form: &CloudForm, stamps: &[i64], read: Read) {
     plan.report.push("the files are converted to PCD".into());
     plan.report.extend(form.report.iter().cloned());
+    plan.report.extend(form.viewpoint_line());
     plan.manifest.lidar.map_origin = form.origin.map(|MapOrigin(origin)| origin);
     for (link, stamp) in std::mem::take(&mut plan.links).into_iter().zip(stamps) {
         let original = link.original.clone();
         let form = form.clone();
         let stamp = *stamp;
-        let bytes = move || pcd(&form, &read(&original)?, stamp).map_err(|rule| ImportError::at(&original, rule));
+        let content = move || {
+            let cloud = read(&original)?;
+            let bytes = pcd(&form, &cloud, stamp).map_err(|rule| ImportError::at(&original, rule))?;
+            Ok(Converted { bytes, flags: cloud.flags })
+        };
         plan.conversions.push(Conversion {
             place: link.place.with_extension("pcd"),
             originals: vec![link.original],
-            bytes: Box::new(bytes),
+            content: Box::new(content),
         });
     }
 }

@@ -4,6 +4,7 @@ use crate::Kind;
 use crate::error::{At, ImportError};
 use drive::MANIFEST_FILE;
 use drive::manifest::{Manifest, TruthEntry};
+use formats::cloud_fields::PointFlags;
 use formats::trajectory::tum_from_trajectory;
 use geometry::Trajectory;
 use std::fs;
@@ -44,7 +45,30 @@ pub(crate) struct Conversion {
     pub place: PathBuf,
     /// The files of the source.
     pub originals: Vec<PathBuf>,
-    pub bytes: Box<dyn Fn() -> Result<Vec<u8>, ImportError>>,
+    pub content: Box<dyn Fn() -> Result<Converted, ImportError>>,
+}
+
+/// The content of a converted file.
+pub(crate) struct Converted {
+    pub bytes: Vec<u8>,
+    /// Flagged points of the originals.
+    pub flags: PointFlags,
+}
+
+impl From<Vec<u8>> for Converted {
+    /// Originals without flags.
+    fn from(bytes: Vec<u8>) -> Self {
+        Self { bytes, flags: PointFlags::default() }
+    }
+}
+
+/// What happened while a folder was written.
+#[derive(Default)]
+pub(crate) struct Written {
+    /// Files that were copied, because their file system has no links.
+    pub n_copied: usize,
+    /// Flagged points of all converted files.
+    pub flags: PointFlags,
 }
 
 impl Plan {
@@ -60,13 +84,12 @@ impl Plan {
         });
     }
 
-    /// Writes the folder, which must exist and be empty. Returns the number of files that were copied, because their file
-    /// system has no links.
-    pub fn write(&self, out: &Path) -> Result<usize, ImportError> {
-        let mut n_copied = 0;
+    /// Writes the folder, which must exist and be empty.
+    pub fn write(&self, out: &Path) -> Result<Written, ImportError> {
+        let mut written = Written::default();
         for link in &self.links {
             let path = in_folder(out, &link.place)?;
-            n_copied +=
+            written.n_copied +=
                 usize::from(link_or_copy(&link.original, &path, |original, path| symlink(original, path)).at(&path)?);
         }
         for file in &self.texts {
@@ -75,12 +98,14 @@ impl Plan {
         }
         for conversion in &self.conversions {
             let path = in_folder(out, &conversion.place)?;
-            fs::write(&path, (conversion.bytes)()?).at(&path)?;
+            let Converted { bytes, flags } = (conversion.content)()?;
+            written.flags = written.flags.plus(flags);
+            fs::write(&path, bytes).at(&path)?;
         }
         let path = out.join(MANIFEST_FILE);
         let text = toml::to_string(&self.manifest).at(&path)?;
         fs::write(&path, text).at(&path)?;
-        Ok(n_copied)
+        Ok(written)
     }
 }
 

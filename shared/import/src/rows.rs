@@ -70,6 +70,6 @@ fn hint(path: &Path) -> &'static str {
     if regular_file::read(path).is_ok_and(rows) {
         "; the rows have the layout of nuScenes (x y z intensity ring): --kind nuscenes"
     } else {
-        "; --kind sets the layout"
+        "; --kind sets the layout, and takes intensities of up to 255"
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::settings::Kind;
 use messages::{SubmapPoint, SubmapSweep};
+use std::collections::BTreeMap;
 
 /// Objects nearer than this are treated as at this distance, m: nearer ones are only partly in the view of a LiDAR.
 const MIN_RANGE_M: f64 = 5.0;
@@ -51,7 +52,8 @@ impl Density {
     }
 }
 
-/// Columns of the ring with most returns, and rings over their range of elevations; 0 if the elevations are unknown.
+/// Columns of the ring with most returns, and rings over their range of elevations. Without rings, the returns; 0 if the elevations are
+/// unknown.
 fn rays_per_steradian(sweep: &SubmapSweep, points: &[SubmapPoint]) -> f64 {
     let begin = (sweep.first_point as usize).min(points.len());
     let end = (begin + sweep.n_points as usize).min(points.len());
@@ -64,10 +66,35 @@ fn rays_per_steradian(sweep: &SubmapSweep, points: &[SubmapPoint]) -> f64 {
         highest = highest.max(point.elevation);
     }
     let n_rings = n_of_ring.iter().filter(|n| **n > 0).count();
-    if n_rings < 2 || highest <= lowest {
+    if highest <= lowest {
         return 0.0;
+    }
+    if n_rings < 2 {
+        return returns_per_steradian(&points[begin..end]);
     }
     let columns = f64::from(n_of_ring.into_iter().max().unwrap_or_default());
     let range_rad = (f64::from(highest - lowest) * 0.01).to_radians();
     columns / std::f64::consts::TAU * (n_rings - 1) as f64 / range_rad
+}
+
+/// Width of the cells in which the returns are counted, in hundredths of a degree: several rings of any LiDAR.
+const CELL_CENTIDEGREES: i32 = 200;
+
+/// Density of the returns of a sweep without rings: the median over the directions with returns. Rays without a return are missing, so it is
+/// a lower bound.
+fn returns_per_steradian(points: &[SubmapPoint]) -> f64 {
+    let mut n_of_cell: BTreeMap<[i32; 2], u32> = BTreeMap::new();
+    for point in points {
+        let cell =
+            [i32::from(point.elevation), i32::from(point.azimuth)].map(|angle| angle.div_euclid(CELL_CENTIDEGREES));
+        *n_of_cell.entry(cell).or_default() += 1;
+    }
+    let side_rad = (f64::from(CELL_CENTIDEGREES) * 0.01).to_radians();
+    let density = |(&[row, _], &n): (&[i32; 2], &u32)| {
+        let elevation_rad = (f64::from(row) + 0.5) * side_rad;
+        f64::from(n) / (side_rad * side_rad * elevation_rad.cos().max(0.1))
+    };
+    let mut densities: Vec<f64> = n_of_cell.iter().map(density).collect();
+    densities.sort_by(f64::total_cmp);
+    densities.get(densities.len() / 2).copied().unwrap_or_default()
 }

@@ -4,7 +4,8 @@ use crate::candidates::{Candidate, candidates};
 use crate::footprints::Footprints;
 use crate::joining::join;
 use crate::movers::Movers;
-use crate::object::Object;
+use crate::object::{Object, Waypoint};
+use crate::rays::Rays;
 use crate::sets::SetNumbers;
 use crate::settings::{FootprintSettings, Kind};
 use crate::top_view::TopView;
@@ -16,6 +17,7 @@ use messages::SubmapPoint;
 pub fn find(
     view: &TopView,
     points: &[SubmapPoint],
+    rays: &Rays<'_>,
     is_class: &[bool],
     time_of: impl Fn(&SubmapPoint) -> i64,
     kind: &Kind,
@@ -24,11 +26,27 @@ pub fn find(
     if !is_class.contains(&true) {
         return Vec::new();
     }
-    let all = candidates(view, points, is_class, time_of, kind);
-    let movers = Movers::detect(view, points, &all, 2.0 * settings.dilation_m, kind);
+    let all = candidates(view, points, is_class, &time_of, kind);
+    let movers = Movers::detect(view, points, rays, &all, 2.0 * settings.dilation_m, kind);
     let mut objects = in_place(view, all, kind, settings);
-    movers.unite(&mut objects);
-    if kind.join_m > 0.0 { join(objects, view, kind) } else { objects }
+    movers.unite(&mut objects, points, &time_of);
+    if kind.join_m > 0.0 {
+        objects = join(objects, view, kind);
+    }
+    for object in &mut objects {
+        object.middle = middle(object, points, &time_of);
+    }
+    objects
+}
+
+/// Mean time and position of the points of an object.
+fn middle(object: &Object, points: &[SubmapPoint], time_of: impl Fn(&SubmapPoint) -> i64) -> Waypoint {
+    let n = object.points.len().max(1);
+    let of_object = || object.points.iter().map(|&point_idx| &points[point_idx as usize]);
+    let nanos: i128 = of_object().map(|point| i128::from(time_of(point).saturating_sub(object.begin_nanos))).sum();
+    let mean = |of: fn(&SubmapPoint) -> f32| of_object().map(|point| f64::from(of(point))).sum::<f64>() / n as f64;
+    let center = [mean(|point| point.x), mean(|point| point.y)];
+    Waypoint { nanos: object.begin_nanos.saturating_add((nanos / n as i128) as i64), center }
 }
 
 /// Objects that are one part of the footprint and one visit of it.

@@ -11,6 +11,7 @@
 //! | module | idea |
 //! |---|---|
 //! | `top_view` | grid, terrain and observed cells |
+//! | `own_vehicle` | points of the vehicle that carries the LiDAR |
 //! | `candidates` | points of a class below its height limit |
 //! | `find` | all steps for one class |
 //! | `object`, `footprint` | an object, its motion and the cells that it covers |
@@ -18,6 +19,7 @@
 //! | `visits` | objects that pass the same cells at different times |
 //! | `blobs`, `tracks`, `movers` | points of one sweep, tracked with constant velocity; pieces of the path of a moving
 //! object are united |
+//! | `rays` | free space, as proof of motion |
 //! | `joining` | parts of a static object that is partly occluded |
 //! | `density` | expected number of points of an object |
 //! | `sets` | disjoint sets |
@@ -36,6 +38,8 @@ mod footprints;
 mod joining;
 mod movers;
 mod object;
+mod own_vehicle;
+mod rays;
 mod sets;
 mod settings;
 mod top_view;
@@ -47,6 +51,8 @@ pub use density::Density;
 pub use find::find;
 pub use footprint::Footprint;
 pub use object::{Motion, Object, Waypoint};
+pub use own_vehicle::OwnVehicle;
+pub use rays::Rays;
 pub use settings::{FootprintSettings, Kind};
 pub use top_view::{Cell, ThingPoint, TopView};
 pub use tracker::{TrackedObject, Tracker};

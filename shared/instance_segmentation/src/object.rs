@@ -15,6 +15,8 @@ pub struct Object {
     pub begin_nanos: i64,
     /// Time of its last point, ns since the Unix epoch.
     pub end_nanos: i64,
+    /// Mean time and position of its points.
+    pub middle: Waypoint,
     /// Whether there is ground around it; `true` if unknown.
     pub is_grounded: bool,
     /// Its motion, if most of its points are on the track of a moving object.
@@ -48,6 +50,7 @@ impl Object {
             footprint: Footprint::default(),
             begin_nanos: i64::MAX,
             end_nanos: i64::MIN,
+            middle: Waypoint { nanos: 0, center: [0.0; 2] },
             is_grounded: false,
             motion: None,
         }

@@ -6,6 +6,7 @@
 
 use crate::footprint::{Footprint, overlap};
 use crate::object::{Motion, Object, Waypoint};
+use crate::settings::Kind;
 use geometry::{BevGrid, Point3, Pose, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -18,9 +19,14 @@ const SAME_PLACE: f64 = 0.2;
 /// Longest gap in the observation of a moving object, ns.
 const MAX_PAUSE_NANOS: i64 = 1_000_000_000;
 
-/// Error of the predicted center of a moving object, m, and as a share of the predicted displacement.
+/// Error of the predicted center of a moving object: m, lengths of a typical object if that is more, because the LiDAR sees another part of
+/// it, and a share of the predicted displacement.
 const GATE_M: f64 = 1.0;
+const GATE_LENGTHS: f64 = 0.5;
 const GATE_SHARE: f64 = 0.5;
+
+/// Error of the predicted center of a piece without a motion of its own, as a share of the predicted displacement: nothing else confirms it.
+const GATE_SHARE_OF_PIECE: f64 = 0.15;
 
 /// Largest number of tracked objects. The oldest are removed first.
 const MAX_OBJECTS: usize = 4096;
@@ -44,18 +50,22 @@ pub struct TrackedObject {
     /// Id; 0 before one is assigned.
     pub id: u32,
     class: u8,
+    /// Error of the predicted center without displacement, m.
+    gate_m: f64,
     footprint: Footprint<OdomCell>,
     begin: i64,
     end: i64,
     /// Motion of a moving object, in odom.
     motion: Option<Motion>,
+    /// Mean time and position of its points, in odom.
+    middle: Waypoint,
     /// Number of submaps since its last observation.
     age: u32,
 }
 
 impl TrackedObject {
     /// The object in odom, without id.
-    pub fn from_object(object: &Object, class: u8, grid: &BevGrid, odom_from_submap: &Pose) -> Self {
+    pub fn from_object(object: &Object, kind: &Kind, grid: &BevGrid, odom_from_submap: &Pose) -> Self {
         let odom_cell = |&(row, col): &(usize, usize)| {
             let (x, y) = grid.center(row, col);
             let p_in_odom = odom_from_submap * Point3::new(x, y, 0.0);
@@ -70,11 +80,42 @@ impl TrackedObject {
             Motion { first: place(first), last: place(last), velocity: [velocity.x, velocity.y] }
         });
         let footprint = object.footprint.mapped(odom_cell);
-        Self { id: 0, class, footprint, begin: object.begin_nanos, end: object.end_nanos, motion, age: 0 }
+        let [x, y] = object.middle.center;
+        let p_in_odom = odom_from_submap * Point3::new(x, y, 0.0);
+        let middle = Waypoint { nanos: object.middle.nanos, center: [p_in_odom.x, p_in_odom.y] };
+        let class = kind.class as u8;
+        let gate_m = GATE_M.max(GATE_LENGTHS * kind.length_m);
+        Self {
+            id: 0,
+            class,
+            gate_m,
+            footprint,
+            begin: object.begin_nanos,
+            end: object.end_nanos,
+            motion,
+            middle,
+            age: 0,
+        }
     }
 
     fn is_moving(&self) -> bool {
         self.motion.is_some() || self.footprint.overlap_of_ends() < SAME_PLACE
+    }
+
+    /// Whether `later` is a piece of this moving object: its points are, in the mean, where the motion predicts them. A submap that starts
+    /// or ends soon has too few sweeps for a track.
+    fn is_continued_by_piece(&self, later: &Self) -> bool {
+        let Some(motion) = self.motion.filter(|_| self.class == later.class && later.motion.is_none()) else {
+            return false;
+        };
+        let nanos = later.middle.nanos.saturating_sub(motion.last.nanos);
+        if !(0..=MAX_PAUSE_NANOS).contains(&nanos) {
+            return false;
+        }
+        let seconds = nanos as f64 * 1e-9;
+        let off = |axis: usize| motion.last.center[axis] + motion.velocity[axis] * seconds - later.middle.center[axis];
+        let speed_mps = motion.velocity[0].hypot(motion.velocity[1]);
+        off(0).hypot(off(1)) <= self.gate_m + GATE_SHARE_OF_PIECE * speed_mps * seconds
     }
 
     /// Agreement of the predicted center of this object with the first center of `later`: 1 exactly, 0 at the gate.
@@ -84,7 +125,7 @@ impl TrackedObject {
         let seconds = (next.first.nanos - motion.last.nanos).max(0) as f64 * 1e-9;
         let velocity = motion.velocity;
         let off = |axis: usize| motion.last.center[axis] + velocity[axis] * seconds - next.first.center[axis];
-        let gate_m = GATE_M + GATE_SHARE * velocity[0].hypot(velocity[1]) * seconds;
+        let gate_m = self.gate_m + GATE_SHARE * velocity[0].hypot(velocity[1]) * seconds;
         (1.0 - off(0).hypot(off(1)) / gate_m).max(0.0)
     }
 
@@ -114,8 +155,8 @@ struct Association {
 }
 
 impl Tracker {
-    /// Ids of the objects that were observed before. An id is assigned at most once, to the object with the largest overlap, or the
-    /// first of equal ones.
+    /// Ids of the objects that were observed before. An id is assigned to the object with the largest overlap, or the
+    /// first of equal ones; also to pieces on the predicted path of a moving object.
     pub fn associate(&self, objects: &[TrackedObject], min_overlap: f64) -> Vec<Option<u32>> {
         let mut pairs: Vec<Association> = Vec::new();
         for (new_idx, new) in objects.iter().enumerate() {
@@ -139,6 +180,9 @@ impl Tracker {
                 ids[new_idx] = Some(self.objects[old_idx].id);
                 is_taken[old_idx] = true;
             }
+        }
+        for (id, new) in ids.iter_mut().zip(objects).filter(|(id, _)| id.is_none()) {
+            *id = self.objects.iter().find(|old| old.is_continued_by_piece(new)).map(|old| old.id);
         }
         ids
     }

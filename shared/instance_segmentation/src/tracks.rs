@@ -1,6 +1,7 @@
 //! Tracks: blobs of consecutive slices of one object, associated by prediction with constant velocity.
 
-use crate::blobs::Blob;
+use crate::blobs::{Blob, SLICE_NANOS};
+use crate::settings::Kind;
 
 /// A track that was not observed for this time ends, ns. The time is shorter for a track of few blobs, whose velocity
 /// is unknown.
@@ -11,9 +12,10 @@ const N_OF_NEW: usize = 4;
 /// Share of a new velocity measurement in the velocity of a track: the visible part of an object changes from slice to slice.
 const GAIN: f64 = 0.4;
 
-/// Error of a predicted center, m, and as a share of the displacement at the largest speed.
+/// Error of a predicted center: m, and lengths of a typical object for each slice since the last blob, because the visible part of an
+/// object changes from slice to slice.
 const GATE_M: f64 = 0.3;
-const GATE_SHARE: f64 = 0.5;
+const GATE_LENGTHS: f64 = 0.33;
 
 /// Blobs of one object.
 #[derive(Clone, Debug)]
@@ -38,11 +40,12 @@ impl Track {
     }
 
     /// Distance of a blob from the predicted center as a share of the gate; `None` outside the gate.
-    fn distance(&self, new: &Blob, blobs: &[Blob], max_speed_mps: f64) -> Option<f64> {
+    fn distance(&self, new: &Blob, blobs: &[Blob], kind: &Kind) -> Option<f64> {
         let last = &blobs[self.blobs[self.blobs.len() - 1]];
         let seconds = seconds_between(last, new);
-        let share = if self.blobs.len() == 1 { 1.0 } else { GATE_SHARE };
-        let gate_m = GATE_M + share * max_speed_mps * seconds;
+        let error_mps = GATE_LENGTHS * kind.length_m / (SLICE_NANOS as f64 * 1e-9);
+        // The velocity of a new track is unknown.
+        let gate_m = GATE_M + seconds * if self.blobs.len() == 1 { kind.max_speed_mps } else { error_mps };
         let off = |axis: usize| new.center[axis] - last.center[axis] - self.velocity[axis] * seconds;
         let distance = off(0).hypot(off(1)) / gate_m;
         (distance <= 1.0).then_some(distance)
@@ -62,7 +65,7 @@ struct Continuation {
 }
 
 /// All tracks, in the order of their first blobs. Blobs are in the order of slices.
-pub(crate) fn follow(blobs: &[Blob], max_speed_mps: f64) -> Vec<Track> {
+pub(crate) fn follow(blobs: &[Blob], kind: &Kind) -> Vec<Track> {
     let mut tracks: Vec<Track> = Vec::new();
     let mut active: Vec<usize> = Vec::new();
     let mut first = 0;
@@ -76,7 +79,7 @@ pub(crate) fn follow(blobs: &[Blob], max_speed_mps: f64) -> Vec<Track> {
         let mut pairs: Vec<Continuation> = Vec::new();
         for (idx, blob) in (first..).zip(slice) {
             for &track in &active {
-                if let Some(distance) = tracks[track].distance(blob, blobs, max_speed_mps) {
+                if let Some(distance) = tracks[track].distance(blob, blobs, kind) {
                     pairs.push(Continuation { distance, track, blob: idx });
                 }
             }

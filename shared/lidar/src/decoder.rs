@@ -1,5 +1,6 @@
 //! Decoder of the packets of any maker.
 
+use crate::field_of_view::SilentSector;
 use crate::maker::{Cut, MAX_RETURNS_PER_PACKET, MakerDecoder};
 use crate::{Blocks, Lidar, Scratch};
 use messages::SweepPoint;
@@ -20,6 +21,13 @@ impl PacketDecoder {
     /// Computes the tables of a sensor.
     pub fn new(lidar: &Lidar) -> Self {
         Self { lidar: lidar.clone(), n_rings: lidar.n_rings(), maker: lidar.unit.decoder(), scratch: None }
+    }
+
+    /// The decoder of a stream in which the sensor fires nothing in a sector.
+    #[must_use]
+    pub(crate) fn across(self, sector: Option<SilentSector>) -> Self {
+        let maker = sector.and_then(|sector| self.maker.across(sector)).unwrap_or_else(|| Arc::clone(&self.maker));
+        Self { maker, ..self }
     }
 
     /// The sensor.

@@ -1,7 +1,8 @@
 //! Detects sensor, model, port and clock from the beginning of a recording.
 //!
-//! The sender of most data packets within the first second is the sensor. A single stray packet, or a second sensor that
-//! sends fewer packets, does not change the result.
+//! The sender of most data packets at the start is the sensor: of one second if its position packets have a fix, otherwise
+//! of three seconds or 4096 packets. A single stray packet, or a second sensor that sends fewer packets, does not change
+//! the result.
 
 use super::capture::{Arrival, Captures};
 use super::clock::{Clock, Epoch, Step, TimeBase};

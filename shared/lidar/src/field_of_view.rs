@@ -35,7 +35,7 @@ impl Default for FiredAngles {
 
 /// The widest sector in which nothing is fired.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct SilentSector {
+pub(crate) struct SilentSector {
     /// Encoder counts.
     begin: u16,
     width: u16,
@@ -82,6 +82,13 @@ impl FiredAngles {
 }
 
 impl SilentSector {
+    /// Time in which the sensor turns from one encoder angle to another, ns, if the sector lies between them.
+    pub(crate) fn nanos_across(&self, from: u16, to: u16) -> Option<i64> {
+        let turned = |to: u16| (i64::from(to) - i64::from(from)).rem_euclid(i64::from(TURN));
+        let is_across = turned(self.begin) + i64::from(self.width) <= turned(to) + i64::from(BIN);
+        is_across.then(|| turned(to) * self.turn_nanos / i64::from(TURN))
+    }
+
     /// Packets that are missing between two packets `nanos` apart, of which `n_missing` would be without the sector. `from` and `to`:
     /// encoder counts of their first blocks.
     pub(super) fn n_lost(&self, n_missing: i64, nanos: i64, packet_nanos: i64, [from, to]: [u16; 2]) -> i64 {

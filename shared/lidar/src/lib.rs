@@ -14,6 +14,7 @@
 //!
 //! **Start reading** at [`PacketDecoder::decode_into`], then [`SweepReader::next_sweep`]; [`velodyne`] is the example of a maker.
 
+mod arc_tangent;
 mod blocks;
 mod calibration;
 mod capture;
@@ -21,6 +22,7 @@ mod clock;
 mod clock_reference;
 mod decoder;
 mod detect;
+mod directions;
 mod field_of_view;
 pub mod hesai;
 pub mod livox;
@@ -33,6 +35,7 @@ pub mod pcap;
 mod receiver;
 mod reorder;
 mod revolutions;
+mod ring_order;
 pub mod robosense;
 mod scratch;
 mod sensor;
@@ -42,12 +45,15 @@ mod sweeps;
 mod turn_table;
 pub mod velodyne;
 
+pub use arc_tangent::fast_atan2;
 pub use calibration::CalibrationError;
 pub use clock_reference::ClockReference;
 pub use decoder::PacketDecoder;
+pub use directions::Directions;
 pub use messages::SweepPoint;
 pub use model::Model;
 pub use other_model::OtherModel;
+pub use ring_order::{OrderedRings, rings_by_order};
 pub use sensor::{Lidar, Origin};
 pub use stats::LidarStats;
 pub use sweeps::{PacketArrival, SliceInfo, SlicePoll, SweepError, SweepInfo, SweepPoll, SweepPosition, SweepReader};

@@ -3,6 +3,7 @@
 //! To add a maker, implement the three traits in its folder and add its models to [`crate::Model`], the only list of makers.
 
 use crate::clock::Epoch;
+use crate::field_of_view::SilentSector;
 use crate::{Blocks, CalibrationError, ClockReference, Scratch, TURN};
 use std::any::Any;
 use std::fmt::Debug;
@@ -155,6 +156,12 @@ pub(crate) trait MakerDecoder: Debug + Send + Sync {
         packet_nanos: i64,
         scratch: &mut Scratch<MAX_RETURNS_PER_PACKET>,
     );
+
+    /// The decoder for packets that may span a sector in which the sensor fires nothing; `None` if its packets have the times of
+    /// their blocks, or end before the sector.
+    fn across(&self, _sector: SilentSector) -> Option<Arc<dyn MakerDecoder>> {
+        None
+    }
 
     /// Condition that ends a sweep.
     fn cut(&self) -> Cut {

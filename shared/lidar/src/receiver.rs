@@ -56,6 +56,8 @@ mod tests {
             hdop: Some(0.9),
             satellites: 8,
             quality: 4,
+            vdop: None,
+            deviation: None,
         };
         let mut receiver = Receiver::default();
         let mut fixes = Vec::new();

@@ -185,7 +185,7 @@ impl SweepReader {
     fn new(captures: Captures, stream: &StreamInfo) -> Self {
         let stats = LidarStats::default();
         let receiver = Receiver::default();
-        let decoder = PacketDecoder::new(&stream.lidar);
+        let decoder = PacketDecoder::new(&stream.lidar).across(stream.silent_sector);
         Self {
             captures,
             cut: decoder.cut(),

@@ -71,7 +71,7 @@ impl Message for MosaicTopic {
 }
 
 pod! {
-    /// One position fix (GGA and RMC of the same second joined), 64 bytes.
+    /// One position fix (GGA and RMC of the same second joined), 72 bytes.
     pub struct GnssRow {
         /// ns since the Unix epoch.
         pub stamp: i64,
@@ -91,8 +91,12 @@ pod! {
         pub satellites: u32,
         /// GGA quality: 0 none, 1 single, 2 differential, 4 fixed, 5 float.
         pub quality: u32,
-        /// Zero.
-        pub reserved: u32,
+        /// Vertical dilution of precision; 0 = unknown.
+        pub vdop: f32,
+        /// Standard deviation that the receiver states, along one horizontal axis, m; 0 = unknown.
+        pub deviation_across_m: f32,
+        /// Standard deviation that the receiver states, in height, m; 0 = unknown.
+        pub deviation_up_m: f32,
     }
 }
 
@@ -100,7 +104,7 @@ pod! {
 pub struct GnssTopic;
 impl Message for GnssTopic {
     const TOPIC: &'static str = "gnss";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     const QUEUE: usize = 8;
     const BORROWED: usize = 4;
     // One tick is a tenth of a second; receivers give 20 fixes per second at most, logs may contain duplicates.

@@ -1,11 +1,12 @@
 //! The odometry that a run uses.
 
 use crate::{
-    GroundVelocity, ImlsOdometry, ImlsSettings, ImlsState, InertialSample, LocalMap, Odometry, OdometrySettings,
-    OdometryState, Registered, RegistrationError, Revolution, SpinDirection, Sweep,
+    GivenMotion, GivenMotionState, GroundVelocity, ImlsOdometry, ImlsSettings, ImlsState, InertialSample, LocalMap,
+    Odometry, OdometrySettings, OdometryState, Registered, RegistrationError, Revolution, SpinDirection, Sweep,
 };
-use geometry::{Pose, Stamp};
+use geometry::{Pose, Stamp, Trajectory};
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 
 /// An algorithm with its settings.
 #[derive(Clone, Debug, PartialEq)]
@@ -14,6 +15,8 @@ pub enum Algorithm {
     ScanToMap,
     /// [`ImlsOdometry`].
     Imls(ImlsSettings),
+    /// [`GivenMotion`] by these poses, `odom_from_body`.
+    Given(Arc<Trajectory>),
 }
 
 /// A running odometry.
@@ -23,6 +26,8 @@ pub enum SelectedOdometry {
     ScanToMap(Box<Odometry>),
     /// IMLS-SLAM as published. It uses the LiDAR alone.
     Imls(Box<ImlsOdometry>),
+    /// Given poses.
+    Given(Box<GivenMotion>),
 }
 
 /// The saved state of a [`SelectedOdometry`].
@@ -32,6 +37,8 @@ pub enum SelectedState {
     ScanToMap(Box<OdometryState>),
     /// State of [`ImlsOdometry`].
     Imls(Box<ImlsState>),
+    /// State of [`GivenMotion`].
+    Given(Box<GivenMotionState>),
 }
 
 /// The saved state was written by a different algorithm.
@@ -47,12 +54,19 @@ impl SelectedOdometry {
         match algorithm {
             Algorithm::ScanToMap => Self::ScanToMap(Box::new(Odometry::new(settings, odom_from_lidar))),
             Algorithm::Imls(imls) => Self::Imls(Box::new(ImlsOdometry::new(settings, imls, odom_from_lidar))),
+            Algorithm::Given(path) => Self::Given(Box::new(GivenMotion::new(path, settings.mounting.body_from_lidar))),
         }
     }
     /// Adds an inertial sample, see [`Odometry::add_imu`].
     pub fn add_imu(&mut self, sample: InertialSample) {
         if let Self::ScanToMap(odometry) = self {
             odometry.add_imu(sample);
+        }
+    }
+    /// Sets whether the inertial samples are on probation, see [`Odometry::set_imu_probation`].
+    pub fn set_imu_probation(&mut self, is_on_probation: bool) {
+        if let Self::ScanToMap(odometry) = self {
+            odometry.set_imu_probation(is_on_probation);
         }
     }
     /// Forgets the inertial samples, see [`Odometry::forget_imu`].
@@ -72,20 +86,21 @@ impl SelectedOdometry {
         match self {
             Self::ScanToMap(odometry) => odometry.register(sweep),
             Self::Imls(odometry) => odometry.register(sweep),
+            Self::Given(given) => given.register(sweep).map(|registered| vec![registered]),
         }
     }
     /// Spin direction of a sensor without point times, see [`Odometry::turning`].
     pub fn turning(&self) -> Option<SpinDirection> {
         match self {
             Self::ScanToMap(odometry) => odometry.turning(),
-            Self::Imls(_) => None,
+            Self::Imls(_) | Self::Given(_) => None,
         }
     }
     /// The revolution of the next sweep, see [`Odometry::turning_at`].
     pub fn turning_at(&self, stamp: Stamp) -> Option<Revolution> {
         match self {
             Self::ScanToMap(odometry) => odometry.turning_at(stamp),
-            Self::Imls(_) => None,
+            Self::Imls(_) | Self::Given(_) => None,
         }
     }
     /// Message for the user about the result of [`SelectedOdometry::turning`].
@@ -101,6 +116,7 @@ impl SelectedOdometry {
         match self {
             Self::ScanToMap(odometry) => odometry.finish(),
             Self::Imls(odometry) => odometry.finish(),
+            Self::Given(_) => None,
         }
     }
     /// The thinned map of smooth surfaces.
@@ -108,6 +124,7 @@ impl SelectedOdometry {
         match self {
             Self::ScanToMap(odometry) => odometry.map(),
             Self::Imls(odometry) => odometry.map(),
+            Self::Given(given) => given.map(),
         }
     }
     /// The state on which the following sweeps depend.
@@ -115,6 +132,7 @@ impl SelectedOdometry {
         match self {
             Self::ScanToMap(odometry) => SelectedState::ScanToMap(Box::new(odometry.save())),
             Self::Imls(odometry) => SelectedState::Imls(Box::new(odometry.save())),
+            Self::Given(given) => SelectedState::Given(Box::new(given.save())),
         }
     }
     /// Continues from a state of [`SelectedOdometry::save`].
@@ -129,6 +147,9 @@ impl SelectedOdometry {
             }
             (Algorithm::Imls(imls), SelectedState::Imls(state)) => {
                 Ok(Self::Imls(Box::new(ImlsOdometry::load(settings, imls, *state))))
+            }
+            (Algorithm::Given(path), SelectedState::Given(state)) => {
+                Ok(Self::Given(Box::new(GivenMotion::load(path, settings.mounting.body_from_lidar, *state))))
             }
             _ => Err(OtherAlgorithmError),
         }

@@ -28,6 +28,7 @@
 //!
 //! An [`OpenSubmap`] collects the deskewed points of the registered sweeps.
 //!
+//! [`GivenMotion`] takes the poses from a post-processed trajectory instead.
 //! [`ImlsOdometry`] is the published algorithm, for comparison; [`SelectedOdometry`] is the algorithm selected for a
 //! run.
 //!
@@ -42,6 +43,7 @@
 
 mod any_odometry;
 mod features;
+mod given_motion;
 mod imls;
 mod map;
 mod matching;
@@ -50,6 +52,7 @@ mod moving_objects;
 mod observability;
 mod odometry;
 mod prediction;
+mod registered;
 mod secondary_lidar;
 mod self_calibration;
 mod submap;
@@ -60,15 +63,17 @@ mod words;
 pub use any_odometry::{Algorithm, OtherAlgorithmError, SelectedOdometry, SelectedState};
 pub use features::sampling::Sampling;
 pub use features::{Feature, FeatureSettings, planar_features};
+pub use given_motion::{GivenMotion, GivenMotionState};
 pub use imls::{ImlsOdometry, ImlsSettings, ImlsState};
 pub use map::kernel::{Kernel, Weights};
 pub use map::local_map::{LocalMap, MapPoint, MapSettings, Surface};
 pub use matching::{Acceleration, MatchScale, MatchSettings, Matched};
 pub use motion::{DeskewTable, SweepMotion, Velocity};
 pub use observability::Stretches;
-pub use odometry::{Odometry, OdometrySettings, OdometryState, Registered, RegistrationError};
+pub use odometry::{Odometry, OdometrySettings, OdometryState};
 pub use prediction::navigation::PredictionSources;
 pub use prediction::sensors::{GroundVelocity, InertialSample, SensorMounting};
+pub use registered::{Registered, RegistrationError};
 pub use secondary_lidar::SecondaryLidar;
 pub use self_calibration::inertial_check::{Axes, Fit, InertialCheck, InertialCorrection, InertialMounting};
 pub use self_calibration::ring_errors::RingError;

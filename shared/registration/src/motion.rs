@@ -108,15 +108,19 @@ impl DeskewTable {
     /// Builds the table from the poses at the first and at the last shot, `target_from_lidar`, `duration_nanos` apart.
     /// The target frame must be near (some km at most): results are f32.
     pub fn new(begin: &Pose, end: &Pose, duration_nanos: u32) -> Self {
+        let poses: Vec<Pose> =
+            (0..=NODES).map(|number| interpolate(begin, end, number as f64 / NODES as f64)).collect();
+        Self::along(&poses, duration_nanos)
+    }
+    /// Builds the table from at least two poses at evenly spaced times from the first to the last shot.
+    pub fn along(poses: &[Pose], duration_nanos: u32) -> Self {
         let n_bins = if duration_nanos == 0 { 1 } else { BINS };
-        let node = |number: usize| {
-            let pose = interpolate(begin, end, number as f64 / NODES as f64);
-            (*pose.rotation.to_rotation_matrix().matrix(), pose.translation.vector)
-        };
-        let nodes: Vec<(Matrix3<f64>, Vector3<f64>)> = (0..=NODES).map(node).collect();
+        let n_steps = poses.len() - 1;
+        let node = |pose: &Pose| (*pose.rotation.to_rotation_matrix().matrix(), pose.translation.vector);
+        let nodes: Vec<(Matrix3<f64>, Vector3<f64>)> = poses.iter().map(node).collect();
         let bins = (0..n_bins)
             .map(|bin| {
-                let at = (bin as f64 + 0.5) * NODES as f64 / n_bins as f64;
+                let at = (bin as f64 + 0.5) * n_steps as f64 / n_bins as f64;
                 let before = at as usize;
                 let share = at.fract();
                 let (rotation, translation) = nodes[before];

@@ -19,7 +19,7 @@ use crate::self_calibration::ring_errors::{RingError, RingErrors};
 use crate::self_calibration::spin_direction::{TurnLever, TurnShare};
 use crate::{
     Feature, FeatureSettings, GroundVelocity, InertialSample, Kernel, LocalMap, MapSettings, MatchSettings, Matched,
-    Revolution, Sampling, SensorMounting, SpinDirection, Sweep, SweepMotion, Weights,
+    Registered, RegistrationError, Revolution, Sampling, SensorMounting, SpinDirection, Sweep, SweepMotion, Weights,
 };
 use geometry::{Pose, Stamp, Vector3};
 use initialization::{InitialMotion, initialize};
@@ -73,81 +73,13 @@ const MAX_BRIDGED: u32 = 5;
 const MIN_MOTION_M: f64 = 0.1;
 const MIN_ROTATION_RAD: f64 = 0.01;
 
-/// A registered sweep.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Registered {
-    /// Time of the first shot.
-    pub stamp: Stamp,
-    /// ns from first to last shot.
-    pub duration_nanos: u32,
-    /// `odom_from_lidar` over the sweep.
-    pub motion: SweepMotion,
-    /// The match; `None` if no match was accepted. Then the motion is the prediction, or rest for a first sweep that
-    /// could not be matched to a second one.
-    pub matched: Option<Matched>,
-    /// How well the scene constrains the along-track position: the cost of other positions along the track minus the
-    /// cost of the match. 0.15 to 0.75 in streets, about 0 if the match follows a queue around the vehicle. `None`
-    /// without a match, or if too few surfaces face along the track.
-    pub contrast: Option<f64>,
-    /// Sensors that predicted the motion. Along degenerate directions the prediction is the result.
-    pub predicted_by: PredictionSources,
-    /// Whether a new map begins with this sweep because too many sweeps had no match.
-    pub map_restarted: bool,
-    /// Covariance of the pose in the middle of the sweep: translation (m), then rotation (rad), in odom axes about the
-    /// LiDAR. It is zero at the first sweep and grows slowly with each match, quickly along degenerate directions.
-    pub covariance: Matrix6<f64>,
-    /// Indices of points on moving objects, ascending: points in space that rays of an earlier sweep passed. Objects
-    /// that have just come into view are not detected.
-    pub moving: Vec<u32>,
-}
-
-impl Registered {
-    /// `odom_from_lidar` at the first shot.
-    pub fn begin(&self) -> Pose {
-        self.motion.begin()
-    }
-    /// `odom_from_lidar` at the last shot.
-    pub fn end(&self) -> Pose {
-        self.motion.end()
-    }
-    /// Time of the last shot.
-    pub fn end_stamp(&self) -> Stamp {
-        self.stamp.plus_nanos(i64::from(self.duration_nanos))
-    }
-    /// Names and values of the run's counters.
-    pub fn counts(&self) -> [(&'static str, u64); 4] {
-        let is_degenerate = self.matched.as_ref().is_some_and(|matched| matched.n_degenerate_directions > 0);
-        [
-            ("sweeps_bridged", u64::from(self.is_bridged())),
-            ("degenerate_sweeps", u64::from(is_degenerate)),
-            ("maps_restarted", u64::from(self.map_restarted)),
-            ("points_moving", self.moving.len() as u64),
-        ]
-    }
-    /// Whether the prediction replaces a match.
-    pub fn is_bridged(&self) -> bool {
-        self.matched.is_none()
-    }
-}
-
-/// Reason why a sweep cannot be registered.
-#[derive(Debug, thiserror::Error, PartialEq, Eq)]
-pub enum RegistrationError {
-    /// The sweep is not later than the previous one.
-    #[error("sweep with middle {got} follows one with middle {last}: sweeps must be in the order of time")]
-    Order {
-        /// Middle of the previous sweep.
-        last: Stamp,
-        /// Middle of this sweep.
-        got: Stamp,
-    },
-}
-
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct Last {
     mid_stamp: Stamp,
     mid: Pose,
     velocity: Velocity,
+    /// Whether a match determined all directions of the pose.
+    is_measured: bool,
 }
 
 /// The saved state, see [`Odometry::save`]. Its storage format must preserve the bits of floating-point numbers.
@@ -171,6 +103,8 @@ pub struct OdometryState {
     /// The filter; set from the first match on.
     navigation: Option<Navigation>,
     log: SensorLog,
+    /// See [`Odometry::set_imu_probation`].
+    imu_on_probation: bool,
     rings: RingErrors,
     ground_tilt: GroundTilt,
     turn: TurnShare,
@@ -201,6 +135,7 @@ impl Odometry {
             bridged_in_a_row: 0,
             navigation: None,
             log: SensorLog::default(),
+            imu_on_probation: false,
             rings: RingErrors::default(),
             ground_tilt: GroundTilt::default(),
             turn: TurnShare::default(),
@@ -214,6 +149,13 @@ impl Odometry {
     /// motion and have weight in the match; along degenerate directions the prediction is the result.
     pub fn add_imu(&mut self, sample: InertialSample) {
         self.state.log.push_inertial(sample);
+    }
+
+    /// Sets whether the inertial samples are on probation. Then the filter follows the matches with them, but they have no
+    /// weight in a match and do not predict it, unless the last sweep had no match or a degenerate direction. A wrong unit
+    /// so leaves the poses that it is compared with as they are by the LiDAR alone.
+    pub fn set_imu_probation(&mut self, is_on_probation: bool) {
+        self.state.imu_on_probation = is_on_probation;
     }
 
     /// Discards the inertial samples and the filter states estimated from them, because the samples were wrong.
@@ -319,7 +261,8 @@ impl Odometry {
         let turn = self.turn_lever(first, &start.first.mid, &start.second.motion.mid, seconds);
         self.grow(&first.features, &start.first, &turn);
         let velocity = Velocity::between(&start.first.mid, &start.second.motion.mid, seconds);
-        let last = Last { mid_stamp: first.mid_stamp, mid: start.first.mid, velocity };
+        let is_measured = is_measured(Some(&start.second), None);
+        let last = Last { mid_stamp: first.mid_stamp, mid: start.first.mid, velocity, is_measured };
         let velocity_in_body = self.settings.mounting.body_from_lidar.rotation * velocity.linear;
         let stamps = [first.mid_stamp, second.mid_stamp];
         let navigation = Navigation::begin(&velocity_in_body, initial.speed.is_some(), &self.state.log, stamps);
@@ -347,7 +290,9 @@ impl Odometry {
             information: Matrix6::zeros(),
             sources: PredictionSources::default(),
         };
-        prediction.filter(|prediction| prediction.sources.is_any()).unwrap_or_else(constant_motion)
+        let prediction = prediction.filter(|prediction| prediction.sources.is_any()).unwrap_or_else(constant_motion);
+        let is_withheld = prediction.sources.inertial && self.state.imu_on_probation && last.is_measured;
+        if is_withheld { PredictedPose { sources: prediction.sources, ..constant_motion() } } else { prediction }
     }
 
     /// Registers a sweep to the map, starting from the motion of the previous sweep. Equation numbers refer to
@@ -499,6 +444,10 @@ impl Odometry {
                 navigation.add_error(&along_track_error(step, contrast, matched.least_influence));
             }
         }
+        let by_lidar = matched.as_ref().map_or(motion.mid, |matched| {
+            let information = matched.information * (matched.rms_m / settings.residual_m).powi(2);
+            prediction.removed_from(&motion.mid, &information)
+        });
         let mut velocity = match &matched {
             Some(_) if features.duration_nanos > 0 => Velocity::during(&motion, features.duration_s),
             _ => Velocity::between(&last.mid, &motion.mid, seconds),
@@ -506,7 +455,8 @@ impl Odometry {
         if matched.as_ref().is_some_and(|matched| matched.n_degenerate_directions > 0) {
             velocity.angular *= straightening(seconds);
         }
-        self.state.last = Some(Last { mid_stamp: features.mid_stamp, mid: motion.mid, velocity });
+        let is_measured = is_measured(matched.as_ref(), contrast);
+        self.state.last = Some(Last { mid_stamp: features.mid_stamp, mid: motion.mid, velocity, is_measured });
         self.state.bridged_in_a_row = if matched.is_some() { 0 } else { self.state.bridged_in_a_row + 1 };
         let map_restarted = self.state.bridged_in_a_row >= MAX_BRIDGED && !features.features.is_empty();
         if map_restarted {
@@ -531,6 +481,7 @@ impl Odometry {
             moving: moving.points,
             covariance: self.state.navigation.as_ref().map_or_else(Matrix6::zeros, Navigation::pose_covariance),
             predicted_by: prediction.sources,
+            by_lidar,
             ..registered(features, motion, matched, map_restarted)
         }
     }
@@ -578,13 +529,21 @@ fn registered(
         stamp: features.stamp,
         duration_nanos: features.duration_nanos,
         motion,
+        path: Vec::new(),
         matched,
         map_restarted,
         contrast: None,
         predicted_by: PredictionSources::default(),
+        by_lidar: motion.mid,
         covariance: Matrix6::zeros(),
         moving: Vec::new(),
     }
+}
+
+/// Whether the scene determines all directions of a pose.
+fn is_measured(matched: Option<&Matched>, contrast: Option<f64>) -> bool {
+    matched.is_some_and(|matched| matched.n_degenerate_directions == 0)
+        && contrast.is_none_or(|contrast| contrast >= MIN_CONTRAST)
 }
 
 fn is_plausible(matched: &Matched) -> bool {

@@ -1,5 +1,6 @@
 //! Sweeps of the other LiDARs of a vehicle: they move with the first one. Only the first one is matched.
 
+use crate::given_motion::pose_on;
 use crate::moving_objects::MovingDetector;
 use crate::{Registered, Sweep, SweepMotion};
 use geometry::{Pose, Stamp};
@@ -28,7 +29,7 @@ impl SecondaryLidar {
         }
         // As for the first LiDAR: without a match, static objects would appear to move.
         let mut moving = Vec::new();
-        if first.matched.is_some() {
+        if first.matched.is_some() || first.is_given() {
             let found = self.moving.detect(sweep, &motion);
             self.moving.add_sweep(sweep, &motion, &found);
             moving = found.points;
@@ -37,12 +38,25 @@ impl SecondaryLidar {
             stamp: sweep.stamp(),
             duration_nanos: sweep.duration_nanos(),
             motion,
+            path: self.path(sweep, first),
             matched: None,
             contrast: None,
             map_restarted: false,
             moving,
             ..first.clone()
         }
+    }
+
+    /// The poses of this LiDAR during its sweep, if the poses are given.
+    fn path(&self, sweep: &Sweep, first: &Registered) -> Vec<Pose> {
+        let duration_nanos = f64::from(first.duration_nanos.max(1));
+        let offset_nanos = (sweep.stamp().0 - first.stamp.0) as f64;
+        let n = first.path.len().saturating_sub(1).max(1) as f64;
+        let pose_at = |step: usize| {
+            let nanos = offset_nanos + f64::from(sweep.duration_nanos()) * step as f64 / n;
+            pose_on(&first.path, nanos / duration_nanos) * self.first_from_lidar
+        };
+        (0..first.path.len()).map(pose_at).collect()
     }
 
     fn motion(&self, sweep: &Sweep, first: &Registered) -> SweepMotion {
@@ -90,9 +104,11 @@ mod tests {
             stamp: Stamp(2_000_000_000),
             duration_nanos: 100_000_000,
             motion,
+            path: Vec::new(),
             matched: None,
             contrast: None,
             predicted_by: crate::PredictionSources::default(),
+            by_lidar: motion.mid,
             map_restarted: false,
             covariance: Matrix6::zeros(),
             moving: Vec::new(),

@@ -4,9 +4,9 @@ pub(crate) mod body_poses;
 pub(crate) mod kept_points;
 pub(crate) mod raw_sweep;
 
-use crate::sweep::arc_tangent::fast_atan2;
 use crate::{DeskewTable, KeptPoints, RawSweep, Registered, Sweep, TimedPoint};
 use geometry::{Pose, Vector3, heading};
+use lidar::fast_atan2;
 use messages::{
     MAX_SWEEPS_PER_SUBMAP, POINT_DYNAMIC, POINT_INCIDENCE_UNKNOWN, SubmapHeader, SubmapPoint, SubmapSweep, SweepPoint,
     pose_numbers,
@@ -84,7 +84,12 @@ impl OpenSubmap {
         let submap_from_odom = self.frame.odom_from_submap.inverse();
         let begin = submap_from_odom * registered.begin();
         let end = submap_from_odom * registered.end();
-        let table = DeskewTable::new(&begin, &end, registered.duration_nanos);
+        let table = if registered.is_given() {
+            let poses: Vec<Pose> = registered.path.iter().map(|pose| submap_from_odom * pose).collect();
+            DeskewTable::along(&poses, registered.duration_nanos)
+        } else {
+            DeskewTable::new(&begin, &end, registered.duration_nanos)
+        };
         let sweep_idx = self.header.n_sweeps as u16;
         let SweepRows { raw: RawSweep { seq, header, rows: raw, .. }, sweep, kept } = points;
         let lidar = header.lidar;

@@ -1,13 +1,10 @@
 //! One revolution of a LiDAR.
 
-pub(crate) mod arc_tangent;
-pub(crate) mod directions;
 pub(crate) mod eigen;
 pub(crate) mod incidence;
 pub(crate) mod neighborhood;
 pub(crate) mod point;
 pub(crate) mod range_image;
-pub(crate) mod ring_order;
 
 use crate::{RangeImage, TimedPoint};
 use geometry::Stamp;

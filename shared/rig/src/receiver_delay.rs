@@ -167,7 +167,7 @@ mod tests {
                 velocity *= 1.4;
             }
             let stamp = measured.plus_nanos(late_nanos);
-            found.push(GroundVelocity { stamp, east_north: velocity.into(), sigma: 0.1 });
+            found.push(GroundVelocity { stamp, east_north: velocity.into(), sigma: 0.1, late_sigma_s: 0.0 });
         }
         found
     }

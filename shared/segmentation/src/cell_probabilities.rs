@@ -20,11 +20,19 @@ impl CellProbabilities {
         debug_assert!(of_cells.len().is_multiple_of(n_classes), "a row for each cell");
         Self { n_classes, of_cells, cell_of_point }
     }
+    /// The probabilities at a point; `None` if they are unknown.
+    pub(crate) fn at(&self, point: usize) -> Option<&[f32]> {
+        let cell = self.cell_of_point[point];
+        let row = (cell != NO_CELL).then(|| &self.of_cells[cell as usize * self.n_classes..][..self.n_classes]);
+        row.filter(|row| is_known(row))
+    }
+    /// The row of a point that cannot have a class. `classes` are the classes of the probabilities.
+    pub(crate) fn decide_without(&self, point: usize, class: ClassId, classes: &[ClassId]) -> ClassRow {
+        row_of(self.at(point).and_then(|row| best_without(row, class, classes)), classes)
+    }
     /// The probabilities at each point, in order; `None` if they are unknown.
     pub(crate) fn per_point(&self) -> impl Iterator<Item = Option<&[f32]>> {
-        let of_cell = |cell: u32| &self.of_cells[cell as usize * self.n_classes..][..self.n_classes];
-        let known = move |&cell: &u32| (cell != NO_CELL).then(|| of_cell(cell)).filter(|row| is_known(row));
-        self.cell_of_point.iter().map(known)
+        (0..self.cell_of_point.len()).map(|point| self.at(point))
     }
     /// Applies a function to all known probabilities.
     pub(crate) fn map(mut self, f: impl Fn(f32) -> f32) -> Self {
@@ -33,6 +41,18 @@ impl CellProbabilities {
                 for probability in row {
                     *probability = f(*probability);
                 }
+            }
+        }
+        self
+    }
+    /// Multiplies the probabilities of each class by a factor. Their sums stay the same.
+    pub(crate) fn scaled(mut self, factors: &[f32]) -> Self {
+        for row in self.of_cells.chunks_exact_mut(self.n_classes).filter(|row| is_known(row)) {
+            let before: f32 = row.iter().sum();
+            row.iter_mut().zip(factors).for_each(|(probability, factor)| *probability *= factor);
+            let after: f32 = row.iter().sum();
+            for probability in row {
+                *probability *= before / after;
             }
         }
         self
@@ -68,6 +88,21 @@ pub(crate) fn best_of(probabilities: &[f32]) -> Option<BestClass> {
         }
     }
     Some(best).filter(|best| best.probability > 0.0)
+}
+
+/// The best class other than `class`; `None` if no other is possible. Its probability is its share of all values.
+pub(crate) fn best_without(probabilities: &[f32], class: ClassId, classes: &[ClassId]) -> Option<BestClass> {
+    let mut others = [0.0; ClassId::ALL.len()];
+    let others = &mut others[..probabilities.len()];
+    others.copy_from_slice(probabilities);
+    others.iter_mut().zip(classes).filter(|(_, of)| **of == class).for_each(|(value, _)| *value = 0.0);
+    best_share_of(others)
+}
+
+/// The best class of values proportional to the probabilities, and its share of all values; `None` if all are zero.
+pub(crate) fn best_share_of(values: &[f32]) -> Option<BestClass> {
+    let total: f32 = values.iter().sum();
+    best_of(values).map(|best| BestClass { probability: best.probability / total, ..best })
 }
 
 /// The row of a point with this class; unlabeled without a class.

@@ -7,8 +7,9 @@
 //! scores of the decided classes, and changes no class.
 
 use crate::CellProbabilities;
-use crate::cell_probabilities::{BestClass, best_of, row_of};
+use crate::cell_probabilities::{BestClass, best_share_of, best_without, row_of};
 use crate::class_rows::write_rows;
+use crate::driven_path::{DrivenPath, road_factors};
 use crate::ground_quasi_flat;
 use crate::model_file::{CardText, ModelFile, encode_model};
 use crate::options::Options;
@@ -16,6 +17,7 @@ use crate::points::{self, PointModel};
 use crate::segmenter::CellSegmenter;
 use crate::settings_rules::{Rule, check_rules};
 use crate::spherical::{self, GroundUse, SphericalModel};
+use crate::views::mean_over_views;
 use crate::{ComputeDevice, ModelCard, ModelInput, Report, SegmentationError, Segmenter, SubmapProbabilities};
 use ground::SubmapGround;
 use messages::{ClassId, ClassRow};
@@ -121,6 +123,8 @@ pub struct Fused {
     /// Factor of each class, to the power of 1 / temperature.
     priors: Vec<f32>,
     temperature: f32,
+    /// Number of views that vote.
+    n_views: usize,
     card: ModelCard,
 }
 
@@ -149,7 +153,8 @@ impl Fused {
         ])?;
         let of_first = Options { every: options.every.saturating_mul(every), ..*options };
         let [first, second] = files;
-        Self::new([cell_segmenter(first, &of_first)?, cell_segmenter(second, options)?], fusion, &second.path)
+        let models = [cell_segmenter(first, &of_first)?, cell_segmenter(second, options)?];
+        Ok(Self { n_views: options.views, ..Self::new(models, fusion, &second.path)? })
     }
     /// `path` is the file of the second model.
     fn new(models: [Box<dyn CellSegmenter>; 2], fusion: &Fusion, path: &Path) -> Result<Self, SegmentationError> {
@@ -177,7 +182,7 @@ impl Fused {
         let priors = expected.iter().map(prior).collect();
         let card = first.card().clone();
         let share = share as f32;
-        Ok(Self { models, shares: [share, 1.0 - share], priors, temperature, card })
+        Ok(Self { models, shares: [share, 1.0 - share], priors, temperature, n_views: 1, card })
     }
     /// The classes, in order.
     pub fn classes(&self) -> &[ClassId] {
@@ -205,6 +210,23 @@ impl Fused {
         }
         Ok(means)
     }
+    /// The priors, with the bias of the products below the path divided out.
+    fn priors_without_road_bias(
+        &self,
+        input: &ModelInput<'_>,
+        ground: &SubmapGround,
+        of_models: [&CellProbabilities; 2],
+    ) -> Vec<f32> {
+        let Some(path) = DrivenPath::find(input.header) else { return self.priors.clone() };
+        let n_classes = self.priors.len();
+        let below = path.ground(input.points, &ground.heights_m);
+        let rows: Vec<_> =
+            below.filter_map(|point| products(&self.priors, of_models.map(|cells| cells.at(point)))).collect();
+        match road_factors(rows.iter().map(|row| &row[..n_classes]), self.classes()) {
+            Some(factors) => self.priors.iter().zip(factors).map(|(prior, factor)| prior * factor).collect(),
+            None => self.priors.clone(),
+        }
+    }
     /// Factors of each model in the products.
     fn factors(
         &self,
@@ -212,9 +234,10 @@ impl Fused {
         ground: &Arc<SubmapGround>,
         exponents: [f32; 2],
     ) -> Result<Factors, SegmentationError> {
-        let [first, second] = &self.models;
-        let SubmapProbabilities { cells: of_first, report } = first.probabilities(input, ground)?;
-        let SubmapProbabilities { cells: of_second, .. } = second.probabilities(input, ground)?;
+        let models = self.models.each_ref().map(|model| &**model);
+        let [first, second] = mean_over_views(models, self.n_views, input, ground)?;
+        let SubmapProbabilities { cells: of_first, report } = first;
+        let SubmapProbabilities { cells: of_second, .. } = second;
         // Computed per cell because many points share one.
         let power = |exponent: f32| move |probability: f32| (probability + LEAST).powf(exponent);
         let of_models = [of_first.map(power(exponents[0])), of_second.map(power(exponents[1]))];
@@ -237,15 +260,18 @@ fn multiply(values: &mut [f32], factors: [Option<&[f32]>; 2]) {
     }
 }
 
-/// The best class at a point and its share of the products of priors and factors.
-fn decide(priors: &[f32], factors: [Option<&[f32]>; 2]) -> Option<BestClass> {
+/// The products of priors and factors at a point; only the first ones, one for each prior, have a meaning. `None` without factors.
+fn products(priors: &[f32], factors: [Option<&[f32]>; 2]) -> Option<[f32; ClassId::ALL.len()]> {
     factors.iter().flatten().next()?;
     let mut products = [1.0; ClassId::ALL.len()];
-    let products = &mut products[..priors.len()];
-    products.copy_from_slice(priors);
-    multiply(products, factors);
-    let total: f32 = products.iter().sum();
-    best_of(products).map(|best| BestClass { probability: best.probability / total, ..best })
+    products[..priors.len()].copy_from_slice(priors);
+    multiply(&mut products[..priors.len()], factors);
+    Some(products)
+}
+
+/// The best class at a point and its share of the products of priors and factors.
+fn decide(priors: &[f32], factors: [Option<&[f32]>; 2]) -> Option<BestClass> {
+    best_share_of(&products(priors, factors)?[..priors.len()])
 }
 
 /// Whether both are the row of the same cell.
@@ -268,7 +294,12 @@ impl Segmenter for Fused {
         // A temperature costs nothing because the factors are computed with exponents anyway.
         let exponents = self.shares.map(|share| share / self.temperature);
         let Factors { of_models: [of_first, of_second], report } = self.factors(input, &ground, exponents)?;
-        let decided = |factors: [Option<&[f32]>; 2]| row_of(decide(&self.priors, factors), first.classes());
+        let priors = if first.refinement().driven_is_road {
+            self.priors_without_road_bias(input, &ground, [&of_first, &of_second])
+        } else {
+            self.priors.clone()
+        };
+        let decided = |factors: [Option<&[f32]>; 2]| row_of(decide(&priors, factors), first.classes());
         // Consecutive points often share their cells.
         let mut last = ([None, None], decided([None, None]));
         let rows = of_first.per_point().zip(of_second.per_point()).map(|(first, second)| {
@@ -279,7 +310,12 @@ impl Segmenter for Fused {
             last.1
         });
         let n_unseen = write_rows(rows, classes);
-        first.refinement().refine(input.points, &ground, first.classes(), classes);
+        let without = |point: usize, class: ClassId| {
+            let products = products(&priors, [of_first.at(point), of_second.at(point)]);
+            let best = products.and_then(|products| best_without(&products[..priors.len()], class, first.classes()));
+            row_of(best, first.classes())
+        };
+        first.refinement().refine(input.points, &ground, first.classes(), classes, without);
         Ok(Report { n_unseen, ..report })
     }
 }

@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 pub const ARCHITECTURE: &str = "ground_quasi_flat";
 
 /// Version that this program writes and runs.
-pub const VERSION: u32 = 3;
+pub const VERSION: u32 = 4;
 
 /// The ground model: road, sidewalk and terrain are not distinguished, all other points are unlabeled.
 pub struct GroundQuasiFlat {

@@ -12,11 +12,10 @@ pub use ground_histogram::{GroundHistogram, GroundIntensities};
 pub use map::IntensityMap;
 pub use ring_gains::{GroundByRing, RingReturn};
 
+use crate::sample::sample_step;
 use ground_histogram::N;
 use messages::SubmapPoint;
 
-/// Approximate number of examined points of a submap: examining all would read the whole submap once more.
-const SAMPLE: usize = 100_000;
 /// Factor between the medians of the ground and of the training up to which intensities are on the training scale, in
 /// both directions. The ground of one sensor is twice as bright under a tilted mounting as under an upright one. In
 /// simulated towns, recorded intensities are better up to a gain of 2, and normalized ones from 3 on.
@@ -26,7 +25,8 @@ settings::words! {
     /// Use of the intensities in a model.
     #[derive(Default)]
     pub enum IntensityUse {
-        /// Recorded intensities if they are on the scale of the training data, otherwise normalized ones.
+        /// Recorded intensities if they are on the scale of the training data, otherwise normalized ones, or none if
+        /// the ground has only a few different ones.
         #[default]
         Auto = "auto",
         /// Intensities normalized to the scale of the training data, ring by ring.
@@ -72,9 +72,7 @@ impl SubmapIntensities {
     ) -> Self {
         const UNKNOWN: SubmapIntensities = SubmapIntensities { map: IntensityMap::Unknown, foreign: None };
         let trained = trained.unwrap_or(SIMULATED);
-        // The step is odd: points are ordered by firings of 2^n rings, and all rings must be counted.
-        let step = (points.len() / SAMPLE) | 1;
-        let sample = points.iter().zip(heights_m).step_by(step);
+        let sample = points.iter().zip(heights_m).step_by(sample_step(points.len()));
         let ring_return = |(point, height_m): (&SubmapPoint, &f32)| RingReturn {
             ring: usize::from(point.ring),
             intensity: point.intensity,
@@ -86,15 +84,18 @@ impl SubmapIntensities {
             return UNKNOWN;
         }
         let foreign = found.filter(|found| !is_on_scale(*found, trained));
+        let medians = |found: GroundIntensities| ForeignIntensity { found: found[N / 2], trained: trained[N / 2] };
         let is_normalized = match intensity_use {
             IntensityUse::Off => return UNKNOWN,
+            IntensityUse::Auto if foreign.is_some() && ground.is_coarse() => {
+                return Self { map: IntensityMap::Unknown, foreign: foreign.map(medians) };
+            }
             IntensityUse::Auto => foreign.is_some(),
             IntensityUse::Normalized => true,
             IntensityUse::Raw => false,
         };
         let map = if is_normalized { ground.normalizing(trained) } else { None };
         let map = map.unwrap_or(IntensityMap::Unchanged);
-        let medians = |found: GroundIntensities| ForeignIntensity { found: found[N / 2], trained: trained[N / 2] };
         Self { map, foreign: foreign.map(medians) }
     }
 }
@@ -149,7 +150,7 @@ mod tests {
 
     #[test]
     fn intensities_on_another_scale_are_reported_and_normalized() {
-        for (gain, median) in [(0.2, 3), (4.0, 52), (5.0, 65)] {
+        for (gain, median) in [(0.25, 3), (4.0, 52), (5.0, 65)] {
             let auto = find(IntensityUse::Auto, gain);
             assert_eq!(auto.foreign, Some(foreign(median)), "gain {gain}");
             assert_eq!(auto, find(IntensityUse::Normalized, gain), "gain {gain}");
@@ -162,9 +163,23 @@ mod tests {
     }
 
     #[test]
+    fn coarse_intensities_are_reported_and_not_used_unless_asked_for() {
+        let auto = find(IntensityUse::Auto, 0.1);
+        assert_eq!(auto, SubmapIntensities { foreign: Some(foreign(1)), ..UNKNOWN });
+        assert!(matches!(find(IntensityUse::Normalized, 0.1).map, IntensityMap::ByRing(_)));
+        // A third of the ground is at the end of the scale.
+        let (mut points, heights_m) = street(5.0);
+        for point in &mut points {
+            point.intensity = point.intensity.min(80);
+        }
+        let saturated = SubmapIntensities::find(IntensityUse::Auto, &points, &heights_m, Some(TRAINED));
+        assert_eq!(saturated, SubmapIntensities { foreign: Some(foreign(65)), ..UNKNOWN });
+    }
+
+    #[test]
     fn normalized_intensities_of_the_ground_are_those_of_the_training() {
         let SubmapIntensities { map, .. } = find(IntensityUse::Normalized, 3.0);
-        assert_eq!([0, 33, 39, 255].map(|intensity| map.apply(0, intensity)), [0, 10, 12, 255]);
+        assert_eq!([0, 33, 39, 255].map(|intensity| map.apply(0, intensity)), [0, 10, 12, 60]);
         assert!((0..=255).map(|intensity| map.apply(0, intensity)).is_sorted());
     }
 

@@ -3,10 +3,13 @@
 use std::fmt::{self, Display, Formatter};
 use std::ops::RangeInclusive;
 
-use messages::{MAX_SWEEPS_PER_SUBMAP, SubmapHeader, SubmapPoint};
+mod corridor;
 
-/// Approximate number of examined points of a submap.
-const SAMPLE: usize = 100_000;
+use crate::sample::sample_step;
+use crate::sweep_positions::sweep_positions;
+use corridor::Corridor;
+use messages::{SubmapHeader, SubmapPoint};
+
 /// Number of examined positions of the LiDAR.
 const MAX_POSITIONS: usize = 8;
 /// With fewer points, a submap is not judged: it may be a drive's last sweep.
@@ -24,6 +27,13 @@ const HEIGHTS_M: RangeInclusive<f32> = 0.7..=4.0;
 /// drive from one side of a pass of 17 % to the other has 19. The drives above have at most 2.1.
 const MAX_SLOPE_DEG: f32 = 20.0;
 
+/// Half the width of the corridor along the path in which a vehicle has ground, m.
+const CORRIDOR_ACROSS_M: f64 = 2.0;
+/// Least number of ground points in the corridor of a position. Good drives have 100 times as many.
+const MIN_IN_CORRIDOR: u32 = 5;
+/// Largest share of the positions without ground in the corridor. Vehicles around a LiDAR hide the ground at some positions.
+const MAX_BARE_SHARE: f32 = 0.5;
+
 /// The LiDAR above the ground near its path.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum LidarAboveGround {
@@ -38,6 +48,10 @@ pub enum LidarAboveGround {
         height_m: f32,
         /// Angle between the ground and the horizontal plane of the submap, degrees; median as well.
         slope_deg: f32,
+        /// Positions of the LiDAR that have a direction of travel; 0 if the LiDAR stood.
+        n_directed: u32,
+        /// The ones without ground in the corridor ahead and behind.
+        n_bare: u32,
     },
 }
 
@@ -50,11 +64,13 @@ pub enum MountingFault {
     Height,
     /// The ground is steeper than any street.
     Slope,
+    /// There is ground at the sides of the path, but not on it: tops of walls, or feet of facades.
+    OffPath,
 }
 
 impl MountingFault {
     /// All faults.
-    pub const ALL: [Self; 3] = [Self::NoGround, Self::Height, Self::Slope];
+    pub const ALL: [Self; 4] = [Self::NoGround, Self::Height, Self::Slope, Self::OffPath];
 }
 
 impl Display for MountingFault {
@@ -63,6 +79,12 @@ impl Display for MountingFault {
             Self::NoGround => f.write_str("no ground near the path"),
             Self::Height => write!(f, "LiDAR not {} to {} m above the ground", HEIGHTS_M.start(), HEIGHTS_M.end()),
             Self::Slope => write!(f, "ground inclined by more than {MAX_SLOPE_DEG} degrees"),
+            Self::OffPath => write!(
+                f,
+                "ground at the sides but not within {CORRIDOR_ACROSS_M} m across and {NEAR_M} m along the path, {} to {} m below the LiDAR,",
+                HEIGHTS_M.start(),
+                HEIGHTS_M.end()
+            ),
         }
     }
 }
@@ -74,29 +96,34 @@ impl LidarAboveGround {
             Self::Unknown => None,
             Self::NoGround => Some(MountingFault::NoGround),
             Self::Found { height_m, .. } if !HEIGHTS_M.contains(height_m) => Some(MountingFault::Height),
-            Self::Found { slope_deg, .. } => (*slope_deg > MAX_SLOPE_DEG).then_some(MountingFault::Slope),
+            Self::Found { slope_deg, .. } if *slope_deg > MAX_SLOPE_DEG => Some(MountingFault::Slope),
+            Self::Found { n_directed, n_bare, .. } => {
+                (*n_bare as f32 > MAX_BARE_SHARE * *n_directed as f32).then_some(MountingFault::OffPath)
+            }
         }
     }
 
     /// Finds the ground near the positions of the first LiDAR. `heights_m` are the heights of the points above the
     /// terrain.
     pub fn find(header: &SubmapHeader, points: &[SubmapPoint], heights_m: &[f32]) -> Self {
-        let positions = positions(header);
-        if positions.is_empty() || points.len() < MIN_POINTS {
+        let places = places(header);
+        if places.is_empty() || points.len() < MIN_POINTS {
             return Self::Unknown;
         }
-        let mut planes = vec![Plane::default(); positions.len()];
-        // The step is odd: points are ordered by firings of 2^n rings, and all rings must be examined.
-        let step = (points.len() / SAMPLE) | 1;
-        for (point, height_m) in points.iter().zip(heights_m).step_by(step) {
+        let mut planes = vec![Plane::default(); places.len()];
+        let mut corridors: Vec<Corridor> = places.iter().filter_map(|place| place.corridor).collect();
+        for (point, height_m) in points.iter().zip(heights_m).step_by(sample_step(points.len())) {
             // False for NaN.
             if height_m.abs() <= GROUND_M {
                 let point = [point.x, point.y, point.z].map(f64::from);
-                planes.iter_mut().zip(&positions).for_each(|(plane, position)| plane.add(point, position));
+                planes.iter_mut().zip(&places).for_each(|(plane, place)| plane.add(point, &place.position));
+                for corridor in &mut corridors {
+                    corridor.add(point);
+                }
             }
         }
         let found: Vec<[f32; 2]> = planes.iter().filter_map(Plane::height_and_slope).collect();
-        if 2 * found.len() < positions.len() {
+        if 2 * found.len() < places.len() {
             return Self::NoGround;
         }
         let median = |of: usize| {
@@ -104,19 +131,29 @@ impl LidarAboveGround {
             let middle = values.len() / 2;
             *values.select_nth_unstable_by(middle, f32::total_cmp).1
         };
-        Self::Found { height_m: median(0), slope_deg: median(1) }
+        let n_bare = corridors.iter().filter(|corridor| corridor.n_points < MIN_IN_CORRIDOR).count();
+        Self::Found {
+            height_m: median(0),
+            slope_deg: median(1),
+            n_directed: corridors.len() as u32,
+            n_bare: n_bare as u32,
+        }
     }
 }
 
+/// A position of the first LiDAR.
+struct Place {
+    position: [f64; 3],
+    /// The corridor along the path there; `None` if the LiDAR stood.
+    corridor: Option<Corridor>,
+}
+
 /// Positions of the first LiDAR at the start of some sweeps with points, evenly spaced.
-fn positions(header: &SubmapHeader) -> Vec<[f64; 3]> {
-    let n_sweeps = (header.n_sweeps as usize).min(MAX_SWEEPS_PER_SUBMAP);
-    let of_first = header.sweeps[..n_sweeps].iter().filter(|sweep| sweep.lidar == 0 && sweep.n_points > 0);
-    let [x, y, z] = [0, 1, 2].map(|axis| move |pose: &[f32; 7]| f64::from(pose[axis]));
-    let position = of_first.map(|sweep| &sweep.submap_from_lidar_begin).map(|pose| [x(pose), y(pose), z(pose)]);
-    let all: Vec<[f64; 3]> = position.filter(|position| position.iter().all(|v| v.is_finite())).collect();
+fn places(header: &SubmapHeader) -> Vec<Place> {
+    let all: Vec<[f64; 3]> = sweep_positions(header).map(|sweep| sweep.begin).collect();
     let step = all.len().div_ceil(MAX_POSITIONS).max(1);
-    all.into_iter().step_by(step).collect()
+    let place = |index: usize| Place { position: all[index], corridor: Corridor::new(&all, index) };
+    (0..all.len()).step_by(step).map(place).collect()
 }
 
 /// Sums of ground points relative to a position of the LiDAR, for the plane through them.

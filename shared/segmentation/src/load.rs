@@ -32,6 +32,30 @@ fn columns_of(file: &ModelFile) -> Result<AskedColumns, SegmentationError> {
     }
 }
 
+/// What users of a model file must know, such as restrictions by its training data. A fused model has the notices of both models.
+///
+/// # Errors
+/// If the file or its settings cannot be read.
+pub fn notices(path: &Path) -> Result<Vec<String>, SegmentationError> {
+    notices_of(&ModelFile::read(path)?)
+}
+
+fn notices_of(file: &ModelFile) -> Result<Vec<String>, SegmentationError> {
+    let of_file = match file.card.architecture.as_str() {
+        spherical::ARCHITECTURE => file.settings::<spherical::Settings>()?.notice.into_iter().collect(),
+        points::ARCHITECTURE => file.settings::<PointSettings>()?.notice.into_iter().collect(),
+        fused::ARCHITECTURE => {
+            let [first, second] = fused::parts(file)?;
+            let mut both = notices_of(&first)?;
+            both.extend(notices_of(&second)?);
+            both.dedup();
+            both
+        }
+        _ => Vec::new(),
+    };
+    Ok(of_file)
+}
+
 /// Reads a model file.
 ///
 /// # Errors

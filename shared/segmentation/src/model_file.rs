@@ -169,7 +169,7 @@ impl ModelFile {
     /// A vector of finite f32 values with a length in `len`.
     pub(crate) fn vector(
         &self,
-        name: &'static str,
+        name: &str,
         len: std::ops::RangeInclusive<usize>,
     ) -> Result<Vec<f32>, SegmentationError> {
         let tensor = self.load(name)?;

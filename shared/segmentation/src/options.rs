@@ -11,6 +11,8 @@ pub struct Options {
     pub every: usize,
     /// Number of sweeps that go through the network together, at least 1. The classes do not depend on it.
     pub batch: usize,
+    /// Number of views that vote, 1 to [`crate::MOST_VIEWS`]; 1 is the submap itself. Models without probabilities ignore it.
+    pub views: usize,
     /// Compute device of the network.
     pub device: ComputeDevice,
     /// Use of the intensities.
@@ -24,6 +26,7 @@ impl Default for Options {
         Self {
             every: 1,
             batch: 1,
+            views: 1,
             device: ComputeDevice::Cpu,
             intensity: IntensityUse::default(),
             refinement: Refinement::default(),

@@ -1,6 +1,7 @@
 //! Corrections of classes by mathematical morphology (thesis section 6.3.2). Corrections of range images are in
 //! `spherical`.
 
+use crate::vehicle_shape::no_vehicles;
 use geometry::BevGrid;
 use ground::SubmapGround;
 use messages::ClassId::{self, Building, Terrain, Vegetation};
@@ -21,17 +22,30 @@ pub struct Refinement {
     /// Terrain and unpaved ground become vegetation where the ground is rough, if the model has this class. Not from
     /// the thesis.
     pub rough_ground: bool,
+    /// Clusters of vehicle points that are too low or have too few points for a vehicle get their second class. Not from
+    /// the thesis.
+    pub vehicle_shape: bool,
+    /// The ground below the path of the LiDAR is road: other kinds of ground lose in the whole submap what they have too
+    /// much there. Not from the thesis.
+    pub driven_is_road: bool,
 }
 
 impl Refinement {
     /// No correction.
-    pub const NONE: Self = Self { poles: false, small_regions: false, buildings: false, rough_ground: false };
+    pub const NONE: Self = Self {
+        poles: false,
+        small_regions: false,
+        buildings: false,
+        rough_ground: false,
+        vehicle_shape: false,
+        driven_is_road: false,
+    };
 }
 
 impl Default for Refinement {
-    /// Rough ground only: the corrections of the thesis do not improve the shipped model.
+    /// The corrections that are not from the thesis. The thesis' corrections do not improve the shipped model.
     fn default() -> Self {
-        Self { rough_ground: true, ..Self::NONE }
+        Self { rough_ground: true, vehicle_shape: true, driven_is_road: true, ..Self::NONE }
     }
 }
 
@@ -48,14 +62,21 @@ const MAX_CELLS: usize = 1 << 24;
 impl Refinement {
     /// Corrects the classes of the points of a submap from their heights above the ground.
     ///
-    /// `of_model` are the classes that the model distinguishes.
+    /// `of_model` are the classes that the model distinguishes. `without` returns the row of a point that cannot have a
+    /// class.
     pub(crate) fn refine(
         self,
         points: &[SubmapPoint],
         ground: &SubmapGround,
         of_model: &[ClassId],
         classes: &mut [ClassRow],
+        without: impl Fn(usize, ClassId) -> ClassRow,
     ) {
+        if self.vehicle_shape {
+            for point in no_vehicles(points, &ground.heights_m, classes) {
+                classes[point] = without(point, ClassId::Vehicles);
+            }
+        }
         if self.buildings {
             buildings(points, &ground.heights_m, classes);
         }
@@ -111,7 +132,7 @@ mod tests {
         let ground = Ground::find(&SubmapHeader::default(), &points);
         let ground = SubmapGround { ground, heights_m: points.iter().map(|point| point.z).collect() };
         let refinement = Refinement { buildings: true, ..Refinement::NONE };
-        refinement.refine(&points, &ground, &[Building], &mut rows);
+        refinement.refine(&points, &ground, &[Building], &mut rows, |_, _| unreachable!("no vehicles"));
         let classes: Vec<u8> = rows.iter().map(|row| row.class_id).collect();
         assert!(classes[..400].iter().all(|class| *class == Building as u8));
         assert!(classes[400..1300].iter().all(|class| *class == Vegetation as u8));
@@ -133,7 +154,7 @@ mod tests {
         let ground = SubmapGround::find(&SubmapHeader::default(), &points);
         let refined = |of_model: &[ClassId]| {
             let mut rows = before.clone();
-            Refinement::default().refine(&points, &ground, of_model, &mut rows);
+            Refinement::default().refine(&points, &ground, of_model, &mut rows, |_, _| unreachable!("no vehicles"));
             rows
         };
         let rows = refined(&[Terrain, Building, Vegetation]);

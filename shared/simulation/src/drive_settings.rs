@@ -17,6 +17,9 @@ settings::settings! {
         pub town: Town = Town::Urban => one_word();
         /// Seed of the town, its traffic and the sensor noise.
         pub seed: u64 = 1 => any();
+        /// Pass through this town: 0 is the first drive, odd passes drive back in the opposite lane, even ones follow the first.
+        /// Each has its own time, traffic and sensor noise.
+        pub pass: u64 = 0 => any();
         /// Length of the drive, s.
         pub seconds: f64 = 12.0 => limits::SECONDS;
         /// The vehicle. In a launch file, a path is relative to the folder of that file.
@@ -62,6 +65,7 @@ impl DriveSettings {
             traffic: self.traffic,
             mosaic_exposure_nanos: (self.mosaic_exposure_ms * 1e6).round() as u64,
             truth_visibility: self.truth_visibility,
+            pass: self.pass,
             rig: self.rig_spec()?,
             calibration_error: CalibrationError { rotation_deg, translation_m: cm * 0.01 },
             ..DriveSpec::urban(self.seed, self.seconds)
@@ -75,6 +79,7 @@ impl DriveSettings {
         for (name, value) in [
             ("--town", self.town.to_string()),
             ("--seed", self.seed.to_string()),
+            ("--pass", self.pass.to_string()),
             ("--seconds", self.seconds.to_string()),
             ("--rig", self.rig.clone()),
             ("--calibration-error", format!("{deg},{cm}")),
@@ -161,6 +166,7 @@ mod tests {
         let settings = DriveSettings {
             town: Town::Rural,
             seed: 7,
+            pass: 3,
             seconds: 0.5,
             rig: "rigs/mine.toml".to_owned(),
             calibration_error_deg: 0.2,
@@ -171,9 +177,9 @@ mod tests {
             mosaic_exposure_ms: 100.0,
             truth_visibility: true,
         };
-        let expected = "simulate --town rural --seed 7 --seconds 0.5 --rig rigs/mine.toml --calibration-error 0.2,1.5 \
+        let expected = "simulate --town rural --seed 7 --pass 3 --seconds 0.5 --rig rigs/mine.toml --calibration-error 0.2,1.5 \
                         --lidar-errors typical --unit-seed 4 --traffic dense --mosaic-exposure-ms 100 --truth-visibility";
         assert_eq!(settings.arguments().join(" "), expected);
-        assert_eq!(DriveSettings::default().arguments().len(), 19);
+        assert_eq!(DriveSettings::default().arguments().len(), 21);
     }
 }

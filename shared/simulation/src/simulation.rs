@@ -19,6 +19,10 @@ use town::Scene;
 /// 2021-06-01T10:00:00Z; the seed adds up to ten minutes.
 const DATE_SECONDS: i64 = 1_622_541_600;
 
+/// Time from the start of a pass to the next one, s, and the number of passes of a day.
+const PASS_SECONDS: i64 = 1800;
+const PASSES: u64 = 48;
+
 /// Streams of random numbers, one for each sensor.
 const LIDAR_STREAM: u64 = 1;
 const CAMERA_STREAM: u64 = 2;
@@ -45,8 +49,10 @@ impl Simulation {
     pub fn new(spec: &DriveSpec) -> Result<Self, SimulationError> {
         spec.check()?;
         let phase = f64::from(unit(hash(spec.seed, 0))) * std::f64::consts::TAU;
-        let town::Drive { scene, path, speed } = town::build(spec.town, spec.seed, spec.seconds, spec.traffic);
-        let begin = Stamp((DATE_SECONDS + (spec.seed % 600) as i64) * 1_000_000_000);
+        let town::Drive { scene, path, speed } =
+            town::build(spec.town, spec.seed, spec.seconds, spec.traffic, spec.pass);
+        let pass_seconds = (spec.pass % PASSES) as i64 * PASS_SECONDS;
+        let begin = Stamp((DATE_SECONDS + (spec.seed % 600) as i64 + pass_seconds) * 1_000_000_000);
         let motion = Motion::new(begin, path, speed, phase)
             .with_cruise(spec.town.cruise_mps())
             .with_body_height(spec.rig.body_height_m);
@@ -58,14 +64,14 @@ impl Simulation {
         let number = index as u64 + 1;
         let errors = &self.spec.lidar_errors;
         let errors = LidarErrors { unit_seed: errors.unit_seed.wrapping_add(number), ..*errors };
-        let seed = hash(hash(self.spec.seed, LIDAR_STREAM), number);
+        let seed = hash(self.seed_of(LIDAR_STREAM), number);
         let model = LidarModel::for_model(spec.model);
         let step = self.spec.lidar_step;
         Lidar::new(&self.scene, &self.motion, model, &errors, spec.body_from_lidar, seed, step)
     }
     /// The first lidar of the rig.
     pub fn lidar(&self) -> Lidar<'_> {
-        let seed = hash(self.spec.seed, LIDAR_STREAM);
+        let seed = self.seed_of(LIDAR_STREAM);
         self.lidar_of(self.spec.lidar_model(), self.rig.lidar.body_from_lidar, seed)
     }
     /// A lidar of any model at any mounting, with the errors of the spec.
@@ -100,7 +106,7 @@ impl Simulation {
     }
     /// Output of the GNSS receiver, one epoch per second; empty without a receiver.
     pub fn epochs(&self) -> Vec<Epoch> {
-        let seed = hash(self.spec.seed, GNSS_STREAM);
+        let seed = self.seed_of(GNSS_STREAM);
         let end = self.spec.recorded_seconds();
         let record = |gnss| gnss::record(&self.scene, &self.motion, gnss, end, seed);
         self.rig.gnss.as_ref().map(record).unwrap_or_default()
@@ -108,11 +114,11 @@ impl Simulation {
     /// Samples of the inertial unit; `None` without a unit.
     pub fn imu_samples(&self) -> Option<Vec<ImuSample>> {
         let imu = self.rig.imu.as_ref()?;
-        Some(imu::record(&self.motion, imu, self.spec.recorded_seconds(), hash(self.spec.seed, IMU_STREAM)))
+        Some(imu::record(&self.motion, imu, self.spec.recorded_seconds(), self.seed_of(IMU_STREAM)))
     }
     /// Raw samples of mosaic camera `index` at a stamp.
     pub fn mosaic(&self, camera: &MosaicCamera, index: usize, stamp: Stamp) -> Vec<u16> {
-        let seed = hash(hash(self.spec.seed, MOSAIC_STREAM), stamp.0 as u64 ^ index as u64);
+        let seed = hash(self.seed_of(MOSAIC_STREAM), stamp.0 as u64 ^ index as u64);
         let body_from_camera = self.rig.mosaics[index].body_from_camera;
         let nanos = camera.exposure_nanos();
         camera.shoot(&Exposure::new(&self.scene, &self.motion, &body_from_camera, stamp, nanos, seed), seed)
@@ -123,7 +129,12 @@ impl Simulation {
         let seed = self.image_seed(index, stamp);
         Exposure::new(&self.scene, &self.motion, &camera.body_from_camera, stamp, camera.exposure_nanos, seed)
     }
+    /// Seed of the noise of a sensor: another one in each pass.
+    fn seed_of(&self, stream: u64) -> u64 {
+        let DriveSpec { seed, pass, .. } = self.spec;
+        hash(if pass == 0 { seed } else { hash(seed, pass) }, stream)
+    }
     fn image_seed(&self, index: usize, stamp: Stamp) -> u64 {
-        hash(hash(self.spec.seed, CAMERA_STREAM), stamp.0 as u64 ^ index as u64)
+        hash(self.seed_of(CAMERA_STREAM), stamp.0 as u64 ^ index as u64)
     }
 }

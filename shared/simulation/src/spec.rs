@@ -15,6 +15,9 @@ pub struct DriveSpec {
     pub town: Town,
     /// Seed of the town, its traffic and the sensor noise.
     pub seed: u64,
+    /// Pass through this town: 0 is the first drive, odd passes drive back in the opposite lane, even ones follow the first. Each
+    /// has its own time, traffic and sensor noise.
+    pub pass: u64,
     /// Length, s ([`limits::SECONDS`]). The last revolution of the lidar is completed.
     pub seconds: f64,
     /// The lidar fires at every n-th azimuth step; 1 is the real rate, larger values are faster and sparser
@@ -44,6 +47,7 @@ impl DriveSpec {
         Self {
             town: Town::Urban,
             seed,
+            pass: 0,
             seconds,
             lidar_step: 1,
             cameras: true,

@@ -88,6 +88,10 @@ impl<S: Stage> Bench<S> {
     pub fn doubt(&self, name: &str) -> Option<f64> {
         self.outputs.doubts.iter().find(|doubt| doubt.name == name).map(|doubt| doubt.size)
     }
+    /// The text of a doubt, if the stage has it.
+    pub fn doubt_text(&self, name: &str) -> Option<String> {
+        self.outputs.doubts.iter().find(|doubt| doubt.name == name).map(|doubt| doubt.text.clone())
+    }
     /// The stage after a save, a restart and a load, as after a barrier and a crash.
     pub fn restarted(mut self, settings: &S::Settings, context: &Context) -> Result<Self, StepError> {
         let state = self.stage.save()?.to_vec();

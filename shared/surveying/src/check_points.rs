@@ -5,7 +5,7 @@ mod map;
 mod plane;
 mod report;
 
-pub use file::{CheckPoint, check_points_from_csv, load_check_points};
+pub use file::{CheckPoint, PointUse, check_points_from_csv, load_check_points};
 pub use report::{Accuracy, AxisAccuracy, percentile};
 
 use crate::cloud::{self, Cloud};
@@ -107,15 +107,15 @@ fn range_text([low, high]: [[f64; 3]; 2]) -> String {
 /// Compares the cloud with check points. Writes `check_points.csv`, `check_points_summary.csv` and the map
 /// `check_points.svg` into the existing folder `out`.
 pub fn write_check_points(
-    run: &RunFolder,
+    runs: &[RunFolder],
     frame: &TargetFrame<'_>,
     points: Vec<CheckPoint>,
     out: &Path,
 ) -> Result<Comparison, DeliverError> {
-    let sums = surfaces(run, frame, &points)?;
+    let sums = surfaces(runs, frame, &points)?;
     let residuals: Vec<Residual> = points.into_iter().zip(sums).map(|(point, sums)| residual(point, &sums)).collect();
     let accuracy = Accuracy::from_residuals(&residuals);
-    let poses = run.trajectory.poses().iter();
+    let poses = runs.iter().flat_map(|run| run.trajectory.poses());
     let path = poses.map(|(_, pose)| frame.from_local(&pose.translation.vector.into()).map(|[x, y, _]| [x, y]));
     let path: Vec<[f64; 2]> = path.collect::<Result<_, _>>()?;
     for (name, text) in [
@@ -143,7 +143,11 @@ fn residual(point: CheckPoint, sums: &PlaneSums) -> Residual {
 }
 
 /// The points of the cloud around each check point, relative to it. Points on moving objects are left out.
-fn surfaces(run: &RunFolder, frame: &TargetFrame<'_>, points: &[CheckPoint]) -> Result<Vec<PlaneSums>, DeliverError> {
+fn surfaces(
+    runs: &[RunFolder],
+    frame: &TargetFrame<'_>,
+    points: &[CheckPoint],
+) -> Result<Vec<PlaneSums>, DeliverError> {
     let cell = |value: f64| (value / RADIUS_M).floor() as i64;
     // Each check point is entered in its own cell and the cells around it.
     let mut near: BTreeMap<(i64, i64), Vec<usize>> = BTreeMap::new();
@@ -171,7 +175,7 @@ fn surfaces(run: &RunFolder, frame: &TargetFrame<'_>, points: &[CheckPoint]) -> 
         Ok(found)
     };
     let mut sums = vec![PlaneSums::default(); points.len()];
-    let clouds = cloud::open_all(run)?.clouds;
+    let clouds = cloud::open_all(runs)?.clouds;
     for cloud in &clouds {
         cloud.each_block(|_, rows| {
             let parts = rows.par_chunks(PART_POINTS * cloud.columns.row_size());

@@ -68,6 +68,8 @@ impl Present {
 
 /// An open cloud.
 pub(crate) struct Cloud<'a> {
+    /// Its run.
+    pub(crate) run: &'a RunFolder,
     /// Its entry in the index.
     pub(crate) entry: &'a CloudEntry,
     rows: PlyRows,
@@ -77,7 +79,7 @@ pub(crate) struct Cloud<'a> {
 impl<'a> Cloud<'a> {
     /// Opens a cloud. `None` if it is not in the frame of the run: in a live run, a cloud that was not placed stays in
     /// the odometry frame.
-    pub(crate) fn open(run: &RunFolder, entry: &'a CloudEntry) -> Result<Option<Self>, DeliverError> {
+    pub(crate) fn open(run: &'a RunFolder, entry: &'a CloudEntry) -> Result<Option<Self>, DeliverError> {
         if run.georeference.is_some() && !entry.is_placed() {
             return Ok(None);
         }
@@ -85,7 +87,8 @@ impl<'a> Cloud<'a> {
         let rows = PlyRows::open(&path)?;
         let columns =
             Columns::from_header(rows.header(), run.columns).map_err(|rule| DeliverError::content(&path, rule))?;
-        Ok(Some(Self { entry, rows, columns }))
+        let columns = columns.corrected(run.correction(entry.seq));
+        Ok(Some(Self { run, entry, rows, columns }))
     }
 
     pub(crate) fn len(&self) -> usize {
@@ -108,28 +111,30 @@ impl<'a> Cloud<'a> {
     }
 }
 
-/// The clouds of a run.
+/// The clouds of runs.
 pub(crate) struct OpenedClouds<'a> {
-    /// All clouds that are in the frame of the run.
+    /// All clouds that are in the frame of their run.
     pub clouds: Vec<Cloud<'a>>,
     /// Number of points of the other clouds.
     pub n_left_out: u64,
 }
 
-/// Opens all clouds of a run.
-pub(crate) fn open_all(run: &RunFolder) -> Result<OpenedClouds<'_>, DeliverError> {
+/// Opens all clouds of runs, run by run.
+pub(crate) fn open_all(runs: &[RunFolder]) -> Result<OpenedClouds<'_>, DeliverError> {
     let mut clouds = Vec::new();
     let mut n_left_out = 0;
-    for entry in &run.index.clouds {
-        match Cloud::open(run, entry)? {
-            Some(cloud) => clouds.push(cloud),
-            None => n_left_out += entry.n_points,
+    for run in runs {
+        for entry in &run.index.clouds {
+            match Cloud::open(run, entry)? {
+                Some(cloud) => clouds.push(cloud),
+                None => n_left_out += entry.n_points,
+            }
         }
     }
     Ok(OpenedClouds { clouds, n_left_out })
 }
 
 /// The columns that at least one of the clouds has.
-pub(crate) fn present(run: &RunFolder, clouds: &[Cloud<'_>]) -> Present {
-    Present::new(run.columns, clouds.iter().flat_map(|cloud| cloud.columns.present().names))
+pub(crate) fn present(table: &'static [Column], clouds: &[Cloud<'_>]) -> Present {
+    Present::new(table, clouds.iter().flat_map(|cloud| cloud.columns.present().names))
 }

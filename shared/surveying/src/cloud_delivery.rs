@@ -8,7 +8,9 @@ use crate::path_heading::PathHeading;
 use crate::run_folder::RunFolder;
 use crate::spool::Spool;
 use crate::target_frame::TargetFrame;
+use messages::columns::COLUMNS;
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Points that a thread encodes at a time. Their indices fit in 16 bits.
@@ -38,9 +40,9 @@ pub struct LeftOut {
     pub not_finite: u64,
 }
 
-/// Reads the clouds of a run as records.
+/// Reads the clouds of runs as records.
 pub(crate) struct CloudDelivery<'a> {
-    run: &'a RunFolder,
+    runs: &'a [RunFolder],
     frame: &'a TargetFrame<'a>,
     clouds: Vec<Cloud<'a>>,
     bands: Vec<String>,
@@ -52,18 +54,19 @@ pub(crate) struct CloudDelivery<'a> {
 
 impl<'a> CloudDelivery<'a> {
     pub(crate) fn new(
-        run: &'a RunFolder,
+        runs: &'a [RunFolder],
         frame: &'a TargetFrame<'a>,
         options: &CloudOptions,
     ) -> Result<Self, DeliverError> {
-        let cloud::OpenedClouds { clouds, n_left_out: without_place } = cloud::open_all(run)?;
-        let bands = if options.has_bands { cloud::band_names(run)? } else { Vec::new() };
+        let cloud::OpenedClouds { clouds, n_left_out: without_place } = cloud::open_all(runs)?;
+        let bands = if options.has_bands { cloud::band_names(runs)? } else { Vec::new() };
         let offset_m = offset(&clouds, frame)?;
-        let layout = RecordLayout::new(&cloud::present(run, &clouds), &bands, offset_m);
+        let table = runs.first().map_or(COLUMNS, |run| run.columns);
+        let layout = RecordLayout::new(&cloud::present(table, &clouds), &bands, offset_m);
         let facts = HeaderFacts {
             system: options.system.clone(),
             software: options.software.clone(),
-            begin_nanos: run.begin_nanos().unwrap_or(0),
+            begin_nanos: runs.iter().filter_map(RunFolder::begin_nanos).min().unwrap_or(0),
             offset_m,
             record_bytes: layout.n_bytes(),
         };
@@ -71,7 +74,7 @@ impl<'a> CloudDelivery<'a> {
         let vlrs = frame.wkt().as_deref().map(Vlr::wkt).into_iter();
         let vlrs = vlrs.chain([Vlr::text(text.trim_end()), layout.extra.vlr(), Vlr::class_names()]).collect();
         let left_out = LeftOut { without_place, not_finite: 0 };
-        Ok(Self { run, frame, clouds, bands, layout, facts, vlrs, left_out })
+        Ok(Self { runs, frame, clouds, bands, layout, facts, vlrs, left_out })
     }
 
     /// Encodes all points into a spool in `folder`, by the key of their stored coordinates.
@@ -81,13 +84,15 @@ impl<'a> CloudDelivery<'a> {
         key_of: impl Fn([i32; 3]) -> K + Sync,
         mut progress: impl FnMut(u64),
     ) -> Result<Spool<K>, DeliverError> {
-        let heading = PathHeading::new(&self.run.trajectory, self.run.convergence());
+        let headings = self.runs.iter().map(|run| (run.path(), PathHeading::new(&run.trajectory, run.convergence())));
+        let headings: BTreeMap<&Path, PathHeading> = headings.collect();
         let mut spool = Spool::create(folder, self.layout.n_bytes())?;
         let mut not_finite = 0;
         for cloud in &self.clouds {
-            let spectra = Spectra::load(self.run, cloud, &self.bands)?;
+            let spectra = Spectra::load(cloud, &self.bands)?;
+            let heading = &headings[cloud.run.path()];
             cloud.each_block(|first, rows| {
-                let encoder = Encoder { delivery: self, cloud, spectra: &spectra, heading: &heading };
+                let encoder = Encoder { delivery: self, cloud, spectra: &spectra, heading };
                 let n_rows = rows.len() / cloud.columns.row_size();
                 not_finite += n_rows as u64;
                 for Part { records, keys } in encoder.block(first, rows, &key_of)? {
@@ -146,7 +151,8 @@ impl Encoder<'_> {
         let row_size = cloud.columns.row_size();
         let n_bytes = delivery.layout.n_bytes();
         // 0 means that the source is unknown.
-        let submap = u16::try_from(cloud.entry.seq + 1).unwrap_or(u16::MAX);
+        let number = cloud.run.survey_drive.unwrap_or(cloud.entry.seq) + 1;
+        let source = u16::try_from(number).unwrap_or(u16::MAX);
         let n = rows.len() / row_size;
         let mut records = vec![0; n * n_bytes];
         let mut keys = Vec::with_capacity(n);
@@ -163,8 +169,8 @@ impl Encoder<'_> {
             let spectrum = if delivery.bands.is_empty() { None } else { self.spectra.get(first + i) };
             let record = &mut records[keys.len() * n_bytes..][..n_bytes];
             let columns = &cloud.columns;
-            let source = RecordSource { point: &point, columns, row, stored, submap, forward, spectrum };
-            delivery.layout.encode(&source, record);
+            let record_source = RecordSource { point: &point, columns, row, stored, source, forward, spectrum };
+            delivery.layout.encode(&record_source, record);
             keys.push(key_of(stored));
         }
         records.truncate(keys.len() * n_bytes);

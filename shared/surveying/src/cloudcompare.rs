@@ -21,14 +21,13 @@ pub fn write_cloudcompare(
     has_bands: bool,
     out: &Path,
 ) -> Result<Vec<String>, DeliverError> {
-    let clouds = cloud::open_all(run)?.clouds;
-    let bands = if has_bands { cloud::band_names(run)? } else { Vec::new() };
+    let clouds = cloud::open_all(std::slice::from_ref(run))?.clouds;
+    let bands = if has_bands { cloud::band_names(std::slice::from_ref(run))? } else { Vec::new() };
     let begin = Stamp(run.begin_nanos().unwrap_or(0));
-    clouds.iter().map(|cloud| write_cloud(run, frame, cloud, &bands, begin, out)).collect()
+    clouds.iter().map(|cloud| write_cloud(frame, cloud, &bands, begin, out)).collect()
 }
 
 fn write_cloud(
-    run: &RunFolder,
     frame: &TargetFrame<'_>,
     cloud: &Cloud<'_>,
     bands: &[String],
@@ -59,7 +58,7 @@ fn write_cloud(
     for band in bands {
         add(&format!("scalar_{band}"), Kind::Float);
     }
-    let spectra = Spectra::load(run, cloud, bands)?;
+    let spectra = Spectra::load(cloud, bands)?;
     let begin_s = begin.0 as f64 * 1e-9;
     let mut writer = PlyWriter::create(&path, &header, cloud.len())?;
     cloud.each_block(|first, rows| {

@@ -27,17 +27,17 @@ const POINTS_AT_A_TIME: usize = 1 << 18;
 /// cost a viewer more requests.
 const MERGED_POINTS: u64 = 20_000;
 
-/// Writes all points of a run as `name` into the existing folder `out`. `progress` receives numbers of points: each point
+/// Writes all points of runs as `name` into the existing folder `out`. `progress` receives numbers of points: each point
 /// is read, assigned to a node and written.
 pub fn write_copc(
-    run: &RunFolder,
+    runs: &[RunFolder],
     frame: &TargetFrame<'_>,
     options: &CloudOptions,
     out: &Path,
     name: &str,
     mut progress: impl FnMut(u64),
 ) -> Result<PointFile, DeliverError> {
-    let mut delivery = CloudDelivery::new(run, frame, options)?;
+    let mut delivery = CloudDelivery::new(runs, frame, options)?;
     let blocks = delivery.spool(out, block_of, &mut progress)?;
     let places: Vec<[i16; 3]> = blocks.keys().into_iter().map(|block| block.key).collect();
     let octree = Octree::from_blocks(&places);

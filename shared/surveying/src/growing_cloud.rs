@@ -113,7 +113,7 @@ impl GrowingCloud {
     /// Records of rows in the order of [`PASSES`].
     fn records(&self, seq: u64, rows: &[u8], columns: &Columns, path: &[[f64; 3]]) -> Vec<u8> {
         let n_bytes = self.facts.record_bytes;
-        let submap = u16::try_from(seq + 1).unwrap_or(u16::MAX);
+        let source = u16::try_from(seq + 1).unwrap_or(u16::MAX);
         let forward = direction(path);
         let rows: Vec<&[u8]> = rows.chunks_exact(columns.row_size()).collect();
         let mut records = Vec::with_capacity(rows.len() * n_bytes);
@@ -122,8 +122,9 @@ impl GrowingCloud {
             if let Some(stored) = self.layout.stored(point.xyz) {
                 let at = records.len();
                 records.resize(at + n_bytes, 0);
-                let source = RecordSource { point: &point, columns, row, stored, submap, forward, spectrum: None };
-                self.layout.encode(&source, &mut records[at..]);
+                let record_source =
+                    RecordSource { point: &point, columns, row, stored, source, forward, spectrum: None };
+                self.layout.encode(&record_source, &mut records[at..]);
             }
         }
         records

@@ -5,7 +5,7 @@
 //!
 //! | idea | module |
 //! |---|---|
-//! | what a run has written | [`RunFolder`], `cloud` |
+//! | what a run has written, the drives of a survey | [`RunFolder`], [`SurveyFile`], `cloud` |
 //! | coordinate reference systems, heights, local frame | `crs`, [`TargetFrame`] |
 //! | classes of the ASPRS | `asprs` |
 //! | columns of a cloud by the table of columns, values of a point | `cloud::columns` |
@@ -49,13 +49,16 @@ mod tiles;
 mod trajectory;
 
 pub use asprs::asprs_class;
+pub use cloud::CloudPoint;
 pub use cloud_delivery::{CloudOptions, LeftOut};
 pub use cloudcompare::write_cloudcompare;
 pub use copc::write_copc;
 pub use error::DeliverError;
 pub use growing_cloud::{GrowingCloud, Part};
 pub use rasters::{RasterOptions, write_rasters};
-pub use run_folder::{Georeference, RunFolder, load_trajectory};
+pub use run_folder::{
+    AdjustedCloud, AdjustedDrive, Georeference, RunFolder, SURVEY, SurveyFile, load_trajectory, open_survey,
+};
 pub use semantic_kitti::write_semantic_kitti;
 pub use target_frame::TargetFrame;
 pub use tiles::{PointFile, Tiling, WrittenTiles, write_tiles};

@@ -38,8 +38,8 @@ pub fn write_objects(run: &RunFolder, frame: &TargetFrame<'_>, out: &Path) -> Re
 
 /// The objects of a run, in the frame of its clouds. `None` if the clouds have no instances.
 pub fn objects_of(run: &RunFolder) -> Result<Option<Vec<ObjectSummary>>, DeliverError> {
-    let clouds = cloud::open_all(run)?.clouds;
-    let present = cloud::present(run, &clouds);
+    let clouds = cloud::open_all(std::slice::from_ref(run))?.clouds;
+    let present = cloud::present(run.columns, &clouds);
     if !present.has("instance") || !present.has("class") {
         return Ok(None);
     }

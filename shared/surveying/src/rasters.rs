@@ -9,7 +9,7 @@ mod geotiff;
 
 use crate::cloud_delivery::{CloudDelivery, CloudOptions};
 use crate::error::DeliverError;
-use crate::las::{FORMAT_7_BYTES, color_of, position_of};
+use crate::las::{FORMAT_7_BYTES, color_of, position_of, source_of};
 use crate::run_folder::RunFolder;
 use crate::spool::Spool;
 use crate::target_frame::TargetFrame;
@@ -34,17 +34,17 @@ pub struct RasterOptions {
 /// Column and row of a tile from the origin of the coordinates; rows increase to the north.
 type Tile = (i64, i64);
 
-/// Writes `height.tif` and, if the run has classes or colors, `terrain.tif` and `class.tif` (classes) and `color.tif`
-/// (colors) into the existing folder `out`. Returns the names of the files. Points on moving objects are left out.
+/// Writes `height.tif` and, if the runs have classes or colors, `terrain.tif` and `class.tif` (classes) and `color.tif`
+/// (colors), and for several runs with classes `difference.tif` (differences between runs) into the existing folder `out`. Returns the names of the files. Points on moving objects are left out.
 pub fn write_rasters(
-    run: &RunFolder,
+    runs: &[RunFolder],
     frame: &TargetFrame<'_>,
     options: &CloudOptions,
     RasterOptions { cell_mm, class_colors }: RasterOptions,
     out: &Path,
 ) -> Result<Vec<&'static str>, DeliverError> {
     let options = CloudOptions { has_bands: false, ..options.clone() };
-    let mut delivery = CloudDelivery::new(run, frame, &options)?;
+    let mut delivery = CloudDelivery::new(runs, frame, &options)?;
     let cell = i64::from(cell_mm);
     let [x0, y0, _] = delivery.facts.offset_m.map(|offset| offset as i64 * 1000);
     let side = cell * TILE as i64;
@@ -52,11 +52,18 @@ pub fn write_rasters(
         move |[x, y, _]: [i32; 3]| ((i64::from(x) + x0).div_euclid(side), (i64::from(y) + y0).div_euclid(side));
     let points = delivery.spool(out, tile_of, |_| ())?;
     let fields = delivery.extra_offsets();
-    let reader =
-        CellReader { points: &points, fields, origin: [x0, y0], cell, record_bytes: delivery.facts.record_bytes };
+    let reader = CellReader {
+        points: &points,
+        fields,
+        origin: [x0, y0],
+        cell,
+        record_bytes: delivery.facts.record_bytes,
+        has_several_runs: runs.len() > 1,
+    };
     let mut images = vec![("height.tif", Content::Height)];
     if fields.class.is_some() {
         images.extend([("terrain.tif", Content::Terrain), ("class.tif", Content::Class(&class_colors))]);
+        images.extend((runs.len() > 1).then_some(("difference.tif", Content::Difference)));
     }
     if fields.camera.is_some() {
         images.push(("color.tif", Content::Color));
@@ -95,6 +102,7 @@ struct CellReader<'a> {
     origin: [i64; 2],
     cell: i64,
     record_bytes: usize,
+    has_several_runs: bool,
 }
 
 impl CellReader<'_> {
@@ -113,7 +121,11 @@ impl CellReader<'_> {
                 // Image rows increase to the south.
                 let idx = (TILE - 1 - row as usize) * TILE + column as usize;
                 let is_colored = value(record, camera, messages::UNSEEN) != messages::UNSEEN;
-                cells.add(idx, z, value(record, class, 0), is_colored.then_some(color_of(record)));
+                let class = value(record, class, 0);
+                cells.add(idx, z, class, is_colored.then_some(color_of(record)));
+                if self.has_several_runs {
+                    cells.add_to_difference(idx, z, class, source_of(record));
+                }
             }
             Ok(())
         })?;

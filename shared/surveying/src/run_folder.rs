@@ -1,15 +1,19 @@
 //! The output folder of a finished run (`docs/reference/outputs.md`).
 
 mod georeference;
+mod survey;
 
 pub use georeference::Georeference;
+pub use survey::{AdjustedCloud, AdjustedDrive, SURVEY, SurveyFile, open_survey};
 
+use crate::cloud::{Cloud, CloudPoint};
 use crate::error::DeliverError;
 use delivery::{CloudEntry, GEOREFERENCE, INDEX, Index};
 use files::regular_file;
 use formats::trajectory::TrajectoryFile;
-use geometry::Trajectory;
+use geometry::{Pose, Trajectory};
 use messages::columns::{COLUMNS, Column};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Files that may hold the trajectory with its times; the first existing file is read.
@@ -26,6 +30,10 @@ pub struct RunFolder {
     pub trajectory: Trajectory,
     /// Columns that clouds may have.
     pub(crate) columns: &'static [Column],
+    /// Index of the drive in a survey.
+    pub(crate) survey_drive: Option<u64>,
+    /// Motion of the points of each cloud by the adjustment of a survey.
+    corrections: BTreeMap<u64, Pose>,
 }
 
 impl RunFolder {
@@ -49,9 +57,21 @@ impl RunFolder {
         let georeference_path = path.join(GEOREFERENCE);
         let georeference = georeference_path.exists().then(|| Georeference::load(&georeference_path)).transpose()?;
         let trajectory = load_trajectory(path)?;
-        Ok(Self { path: path.to_owned(), index, georeference, trajectory, columns })
+        Ok(Self {
+            path: path.to_owned(),
+            index,
+            georeference,
+            trajectory,
+            columns,
+            survey_drive: None,
+            corrections: BTreeMap::new(),
+        })
     }
 
+    /// Motion of the points of a cloud by the adjustment of a survey.
+    pub(crate) fn correction(&self, seq: u64) -> Option<Pose> {
+        self.corrections.get(&seq).copied()
+    }
     /// The folder.
     pub fn path(&self) -> &Path {
         &self.path
@@ -59,6 +79,14 @@ impl RunFolder {
     /// Path of the cloud of a submap.
     pub fn cloud(&self, entry: &CloudEntry) -> PathBuf {
         self.path.join(&entry.file)
+    }
+    /// Passes each point of a cloud that is in the frame of the run to `take`.
+    pub fn each_point(&self, entry: &CloudEntry, mut take: impl FnMut(&CloudPoint)) -> Result<(), DeliverError> {
+        let Some(cloud) = Cloud::open(self, entry)? else { return Ok(()) };
+        cloud.each_block(|_, rows| {
+            rows.chunks_exact(cloud.columns.row_size()).for_each(|row| take(&cloud.columns.point(row)));
+            Ok(())
+        })
     }
     /// Angle from the y axis of the trajectory to the y axis of the clouds, clockwise, rad.
     pub(crate) fn convergence(&self) -> f64 {

@@ -26,7 +26,7 @@ pub fn write_semantic_kitti(run: &RunFolder, out: &Path) -> Result<usize, Delive
     for folder in [&velodyne, &labels] {
         std::fs::create_dir_all(folder).map_err(DeliverError::file(folder, "create"))?;
     }
-    let clouds = cloud::open_all(run)?.clouds;
+    let clouds = cloud::open_all(std::slice::from_ref(run))?.clouds;
     let begin_nanos = run.begin_nanos().unwrap_or(0);
     let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), run.convergence());
     let mut poses = Trajectory::default();

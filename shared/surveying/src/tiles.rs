@@ -102,18 +102,18 @@ impl TileNames {
     }
 }
 
-/// Writes the points of a run as tiles into the existing folder `out`. A point on an edge belongs to the tile to the
+/// Writes the points of runs as tiles into the existing folder `out`. A point on an edge belongs to the tile to the
 /// right or above, so each point is in exactly one tile. `progress` receives numbers of points read, then numbers of
 /// points written.
 pub fn write_tiles(
-    run: &RunFolder,
+    runs: &[RunFolder],
     frame: &TargetFrame<'_>,
     options: &CloudOptions,
     tiling: Tiling,
     out: &Path,
     mut progress: impl FnMut(u64),
 ) -> Result<WrittenTiles, DeliverError> {
-    let mut delivery = CloudDelivery::new(run, frame, options)?;
+    let mut delivery = CloudDelivery::new(runs, frame, options)?;
     let [x0, y0, _] = delivery.facts.offset_m.map(|offset| offset as i64 * STEPS_PER_M);
     let side = i64::from(tiling.side_m) * STEPS_PER_M;
     let tile_of = move |[x, y, _]: [i32; 3]| {

@@ -37,6 +37,13 @@ impl GroundPath {
     pub const fn length_m(&self) -> f64 {
         self.line.len() as f64 * self.spacing_m
     }
+    /// The distance along the path at which it is nearest to a point in the plane, m.
+    pub fn nearest_m(&self, point: &Vector3<f64>) -> f64 {
+        const STEP_M: f64 = 0.1;
+        let steps = (0..(self.length_m() / STEP_M) as usize).map(|step| step as f64 * STEP_M);
+        let distance = |s: f64| (self.point(s) - point).xy().norm_squared();
+        steps.min_by(|a, b| distance(*a).total_cmp(&distance(*b))).unwrap_or(0.0)
+    }
     /// The point at distance `s` m.
     pub fn point(&self, s: f64) -> Vector3<f64> {
         self.line.at(s / self.spacing_m)

@@ -12,7 +12,7 @@
 //!
 //! Data: [`Example`] is a labeled image, [`PointExample`] a labeled sphere of points. [`TrainingSpheres`] draws the
 //! centers of spheres, [`ClassifiedCells`] reduces a labeled submap to cells, and [`Augmentation`] augments spheres at
-//! random. [`NearestExamples`] replaces the last layer by a comparison of pixels with labeled examples. [`fit_priors`]
+//! random. [`draw_examples`] draws the labeled pixels that can replace the last layer. [`fit_priors`]
 //! fits the priors of a fused model.
 //!
 //! A training is a function of its settings, data and seed: an interrupted and resumed training gives the same bytes, for
@@ -61,7 +61,7 @@ pub use differential::{Differential, InputDerivatives, Recording};
 pub use error::TrainingError;
 pub use image_network::ImageNetwork;
 pub use losses::{Hierarchy, Loss, consistency};
-pub use nearest_examples::NearestExamples;
+pub use nearest_examples::draw_examples;
 pub use network::{Derivatives, LabeledLogits, LabeledLogitsResult, Network};
 pub use point_augmentation::{Augmentation, Elastic, add_noise, distort, rotate, scale};
 pub use point_network::PointNetwork;

@@ -7,6 +7,8 @@
 //! | `required` | `../shared/data` | fails |
 //! | a path | that folder | is listed as ignored, with the reason |
 //!
+//! A folder, or a pattern with one `*`, stands for the files that `sources.json` lists for it: a test runs only if all of them exist.
+//!
 //! ```
 //! #[real_data::test("kitti00/000094.bin")]
 //! fn real_sweep_has_finite_points() {
@@ -17,7 +19,7 @@
 
 use std::path::{Path, PathBuf};
 
-/// Marks a test that reads these files or folders, named relative to the data folder. It replaces `#[test]`.
+/// Marks a test that reads these files, folders or patterns (`"kitti_raw_0048/*.pcd"`), relative to the data folder. It replaces `#[test]`.
 ///
 /// Presence is checked when the test is compiled: the test harness can only ignore tests that were ignored at that
 /// time.

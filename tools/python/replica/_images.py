@@ -38,9 +38,18 @@ class SweepImages:
     - Pixels without a point are zero in all channels.
     """
 
-    def __init__(self, model: str | PathLike[str], *, every: int = 1, intensity: str = "auto", rough_ground: bool = True):
+    def __init__(
+        self,
+        model: str | PathLike[str],
+        *,
+        every: int = 1,
+        intensity: str = "auto",
+        rough_ground: bool = True,
+        vehicle_shape: bool = True,
+        driven_is_road: bool = True,
+    ):
         """A model file of a network on images. Its weights are not used. The other arguments are settings of ``infer``."""
-        self._native = _native.SweepImages(model, every, intensity, rough_ground)
+        self._native = _native.SweepImages(model, every, intensity, rough_ground, vehicle_shape, driven_is_road)
         #: The settings of the model file: ``classes``, ``columns``, ``fold``, ``network``.
         self.settings: dict = json.loads(self._native.settings())
         #: Identifies the model file in the header of ``class``.

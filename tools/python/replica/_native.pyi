@@ -26,7 +26,15 @@ class Observation:
     def receive(self) -> tuple[int, int, int, Memory, Memory] | None: ...
 
 class SweepImages:
-    def __new__(cls, model: str | PathLike[str], every: int, intensity: str, rough_ground: bool) -> SweepImages: ...
+    def __new__(
+        cls,
+        model: str | PathLike[str],
+        every: int,
+        intensity: str,
+        rough_ground: bool,
+        vehicle_shape: bool,
+        driven_is_road: bool,
+    ) -> SweepImages: ...
     @property
     def digest(self) -> int: ...
     def settings(self) -> str: ...

@@ -25,10 +25,17 @@ type MessageBytes = (PyBuffer<u8>, PyBuffer<u8>);
 impl SweepImages {
     #[new]
     #[allow(clippy::needless_pass_by_value, reason = "Python has no paths to borrow")]
-    fn load(model: PathBuf, every: usize, intensity: &str, rough_ground: bool) -> PyResult<Self> {
+    fn load(
+        model: PathBuf,
+        every: usize,
+        intensity: &str,
+        rough_ground: bool,
+        vehicle_shape: bool,
+        driven_is_road: bool,
+    ) -> PyResult<Self> {
         let intensity = intensity.parse::<IntensityUse>();
         let intensity = intensity.map_err(|error| PyValueError::new_err(format!("intensity: {error}")))?;
-        let refinement = Refinement { rough_ground, ..Refinement::NONE };
+        let refinement = Refinement { rough_ground, vehicle_shape, driven_is_road, ..Refinement::NONE };
         let loaded = segmentation::spherical::SweepImages::load(&model).map_err(|error| exception(&error))?;
         let LoadedImages { images, card } = loaded;
         let images = images.with_options(Options { every, intensity, refinement, ..Options::default() });

@@ -12,6 +12,7 @@ mod report;
 mod rig;
 mod send;
 mod simulate;
+mod survey;
 mod view;
 
 use allocator::{Keep, restart_with_kept_memory};
@@ -28,6 +29,7 @@ pub enum Command {
     View(view::Args),
     Compare(compare::Args),
     Instances(instances::Args),
+    Survey(survey::Args),
     Deliver(deliver::Args),
     Send(send::Args),
     Grab(grab::Args),
@@ -50,6 +52,10 @@ impl Command {
             Command::Deliver(args) => {
                 restart_with_kept_memory(Keep::Large);
                 deliver::run(args)
+            }
+            Command::Survey(args) => {
+                restart_with_kept_memory(Keep::Large);
+                survey::run(args)
             }
             Command::Send(args) => send::run(args),
             Command::Grab(args) => grab::run(args),

@@ -1,7 +1,7 @@
 //! The command line: one flat list of subcommands, shown in four groups.
 
 use crate::materials::fit;
-use crate::{bench, cube, evaluate, fuse, spectrum, train};
+use crate::{bench, cube, evaluate, fuse, nearest, spectrum, train};
 use allocator::{Keep, restart_with_kept_memory};
 use clap::{Command, CommandFactory, FromArgMatches, Parser, Subcommand};
 use command_line::groups::{Group, with_groups};
@@ -26,6 +26,7 @@ enum Cli {
 enum Models {
     Train(train::Args),
     Fuse(fuse::Args),
+    Nearest(nearest::Args),
     FitMaterials(fit::Args),
 }
 
@@ -71,6 +72,7 @@ impl Parsed {
                 train::run(args)
             }
             Cli::Models(Models::Fuse(args)) => fuse::run(args),
+            Cli::Models(Models::Nearest(args)) => nearest::run(args),
             Cli::Models(Models::FitMaterials(args)) => fit::run(args),
             Cli::Scores(Scores::Evaluate(args)) => evaluate::run(args),
             Cli::Scores(Scores::Bench(args)) => bench::run(args),

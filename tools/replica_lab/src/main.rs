@@ -2,7 +2,7 @@
 //!
 //! | module | commands |
 //! |---|---|
-//! | `train`, `fuse`, `materials` | `train`, `fuse`, `fit-materials`: models from recipes, models and libraries of spectra |
+//! | `train`, `fuse`, `nearest`, `materials` | `train`, `fuse`, `nearest`, `fit-materials`: models from recipes, models and libraries of spectra |
 //! | `evaluate` | `evaluate`: runs, trajectories, maps, classes, instances, materials and projections against ground truth |
 //! | `bench` | `bench`: throughput, CPU and memory of a launch file |
 //! | `cube`, `spectrum` | `cube`, `spectrum`: reflectance cubes and their statistics, color lines and materials |
@@ -20,6 +20,7 @@ mod cube;
 mod evaluate;
 mod fuse;
 mod materials;
+mod nearest;
 mod recorded_classes;
 mod sensor_calibration;
 mod spectrum;

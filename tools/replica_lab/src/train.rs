@@ -2,7 +2,7 @@
 
 mod augmentation;
 mod bev_labels;
-mod camera_columns;
+pub mod camera_columns;
 mod camera_dropout;
 mod ideal_columns;
 mod images;
@@ -13,7 +13,7 @@ mod point_recipe;
 mod points;
 pub mod recipe;
 pub mod recipe_data;
-mod recorded_sweeps;
+pub mod recorded_sweeps;
 mod removed_classes;
 mod sources;
 mod submap_file;

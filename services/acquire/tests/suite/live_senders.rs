@@ -46,6 +46,35 @@ fn run_that_never_receives_a_packet_fails_with_the_address() {
     assert!(error.contains(&settings.listen) && error.contains("no packet in"), "{error}");
 }
 
+/// The default has no limit of silence: the sensor may be switched on later.
+#[test]
+fn run_without_a_limit_of_silence_says_that_it_waits() {
+    let LiveRun { folder, packets, mut bench, mut sensor } = LiveRun::start();
+    assert_eq!(settings().quiet_s, 0.0);
+    let deadline = Instant::now() + TIMEOUT;
+    while bench.notes().is_empty() {
+        assert!(Instant::now() < deadline, "the run does not say that it waits");
+        assert_eq!(bench.tick().expect("steps"), Flow::Continue);
+    }
+    let note = bench.notes()[0].clone();
+    for words in ["127.0.0.1", "no packet in 5 s", "quiet_s = 0", "Ctrl-C"] {
+        assert!(note.contains(words), "{note}");
+    }
+    sensor.send(&packets);
+    assert!(!ticks_to_decode(&mut bench, packets.len()).is_empty());
+    bench.finish().expect("the run can be ended");
+    assert_eq!(bench.doubt("no_sweep"), None);
+    drop(folder);
+}
+
+#[test]
+fn run_that_is_ended_before_the_first_packet_is_a_doubt() {
+    let LiveRun { folder: _folder, mut bench, .. } = LiveRun::start();
+    assert_eq!(bench.tick().expect("steps"), Flow::Continue);
+    bench.finish().expect("the run can be ended");
+    assert_eq!(bench.doubt("no_sweep"), Some(0.0));
+}
+
 #[test]
 fn sensor_that_returns_from_another_port_is_followed_and_a_doubt() {
     let LiveRun { folder, packets, mut bench, mut sensor } = LiveRun::start();

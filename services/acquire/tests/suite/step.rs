@@ -239,7 +239,7 @@ fn check_names_problems_of_settings_and_drive() {
     assert!(Bench::<Acquire>::new(&settings, &context(folder.path())).is_err());
 }
 
-#[real_data::test("kitti_raw_0048")]
+#[real_data::test("kitti_raw_0048/*.pcd")]
 fn folder_of_real_sweeps_without_manifest_is_read() {
     let folder = real_data::path("kitti_raw_0048");
     let mut bench = open(&folder, &Settings::default());

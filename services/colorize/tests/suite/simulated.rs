@@ -18,6 +18,7 @@ use simulation::sensors::mosaic::{
 use simulation::{DriveSpec, RigSpec, Simulation};
 use spectral::{Calibration, Mosaic, Reference, WhiteTarget};
 use stage::testing::{Bench, context};
+use std::sync::LazyLock;
 
 /// Number of points for classes.
 const SPARSE: u32 = 60_000;
@@ -135,18 +136,32 @@ fn images(simulation: &Simulation, stamp: Stamp) -> Vec<(ImageHeader, Vec<u8>)> 
     (0..simulation.rig.cameras.len()).map(image).collect()
 }
 
+/// A street at the exposure with the most vegetation in view, and its color images. Most of the time of its tests is spent on the
+/// images.
+struct Street {
+    simulation: Simulation,
+    stamp: Stamp,
+    images: Vec<(ImageHeader, Vec<u8>)>,
+}
+
+static STREET: LazyLock<Street> = LazyLock::new(|| {
+    let simulation = Simulation::new(&DriveSpec::urban(1, 6.0)).expect("a town");
+    let in_view = |stamp: &Stamp| n_vegetation_in_view(&simulation, *stamp);
+    let stamp = simulation.exposures().into_iter().max_by_key(in_view).expect("exposures");
+    Street { images: images(&simulation, stamp), simulation, stamp }
+});
+
 #[test]
 fn reject_sky_takes_the_blue_out_of_trees() {
-    let simulation = Simulation::new(&DriveSpec::urban(1, 6.0)).expect("a town");
-    let stamp = *simulation.exposures().last().expect("exposures");
-    let images = images(&simulation, stamp);
-    let (points, classes): (Vec<SubmapPoint>, Vec<ClassId>) = points(&simulation, stamp, DENSE).into_iter().unzip();
+    let Street { simulation, stamp, images } = &*STREET;
+    let stamp = *stamp;
+    let (points, classes): (Vec<SubmapPoint>, Vec<ClassId>) = points(simulation, stamp, DENSE).into_iter().unzip();
     let folder = drive(&manifest());
     let n_blue = |reject_sky: bool| {
         let settings = Settings { reject_sky, ..Settings::default() };
         let mut bench = Bench::<Colorize>::new(&settings, &context(folder.path())).expect("starts");
-        bench.send::<TrajectoryTopic>(stamp.0, NoHeader::default(), poses(&simulation, stamp));
-        for (header, rows) in &images {
+        bench.send::<TrajectoryTopic>(stamp.0, NoHeader::default(), poses(simulation, stamp));
+        for (header, rows) in images {
             bench.send::<ImageTopic>(stamp.0, *header, rows.clone());
         }
         let begin = stamp.0 - 100_000_000;
@@ -165,21 +180,20 @@ fn reject_sky_takes_the_blue_out_of_trees() {
 
 #[test]
 fn vegetation_is_green_and_bright_in_the_near_infrared() {
-    let simulation = Simulation::new(&DriveSpec::urban(1, 6.0)).expect("a town");
-    let in_view = |stamp: &Stamp| n_vegetation_in_view(&simulation, *stamp);
-    let stamp = simulation.exposures().into_iter().max_by_key(in_view).expect("exposures");
+    let Street { simulation, stamp, images } = &*STREET;
+    let stamp = *stamp;
     let folder = drive(&manifest());
     let mut bench = Bench::<Colorize>::new(&Settings::default(), &context(folder.path())).expect("starts");
 
-    bench.send::<TrajectoryTopic>(stamp.0, NoHeader::default(), poses(&simulation, stamp));
-    for (header, rows) in images(&simulation, stamp) {
-        bench.send::<ImageTopic>(stamp.0, header, rows);
+    bench.send::<TrajectoryTopic>(stamp.0, NoHeader::default(), poses(simulation, stamp));
+    for (header, rows) in images {
+        bench.send::<ImageTopic>(stamp.0, *header, rows.clone());
     }
     for index in 0..2 {
-        let (header, rows) = cube(&simulation, index, stamp);
+        let (header, rows) = cube(simulation, index, stamp);
         bench.send::<CubeTopic>(stamp.0, header, rows);
     }
-    let (points, classes): (Vec<SubmapPoint>, Vec<ClassId>) = points(&simulation, stamp, SPARSE).into_iter().unzip();
+    let (points, classes): (Vec<SubmapPoint>, Vec<ClassId>) = points(simulation, stamp, SPARSE).into_iter().unzip();
     let begin = stamp.0 - 100_000_000;
     bench.send::<SubmapTopic>(begin, submap(simulation.motion.pose_at(stamp), begin, &points), points);
     bench.tick().expect("a tick");

@@ -17,6 +17,18 @@ const GOOD_M: [f32; 3] = [0.3, 0.4, 0.6];
 /// A run up to its end, with the given standard deviations of its second submap; the deviations of the other submaps
 /// are small.
 fn driven(folder: &Path, settings: &Settings, frame: u32, sigma_m: [f32; 3], heading_deg: f32) -> Bench<Export> {
+    driven_at(48.846_222, folder, settings, frame, sigma_m, heading_deg)
+}
+
+/// A run at a latitude.
+fn driven_at(
+    latitude_deg: f64,
+    folder: &Path,
+    settings: &Settings,
+    frame: u32,
+    sigma_m: [f32; 3],
+    heading_deg: f32,
+) -> Bench<Export> {
     let mut bench = Bench::<Export>::new(settings, &context(folder)).expect("starts");
     let street = Street::new(5, 200);
     for seq in 0..N {
@@ -25,7 +37,7 @@ fn driven(folder: &Path, settings: &Settings, frame: u32, sigma_m: [f32; 3], hea
         bench.tick().expect("steps");
     }
     let header = PlacementHeader {
-        latitude_deg: 48.846_222,
+        latitude_deg,
         longitude_deg: 2.346_414,
         altitude_m: 104.6,
         frame,
@@ -106,12 +118,25 @@ fn utm_with_undetermined_heading_is_refused_and_clouds_stay_local() {
         let error = driven(folder.path(), &utm(), frame, GOOD_M, 42.0).finish().expect_err("refused");
         assert!(matches!(error, StepError::Configuration(_)), "{error}");
         assert!(error.to_string().contains(reason), "{error}");
+        let accepts = "max_heading_deviation_deg = 180 accepts the heading";
+        assert_eq!(error.to_string().contains(accepts), frame == FRAME_EAST_NORTH_UP, "{error}");
         let index = std::fs::read(folder.path().join("clouds/index.json")).expect("is there");
         let index: Index = serde_json::from_slice(&index).expect("is an index");
         assert!(index.frame.starts_with("local"), "{}", index.frame);
         assert!(!infos(folder.path(), 1).iter().any(|info| info.starts_with("crs")), "{:?}", infos(folder.path(), 1));
         assert_eq!(georeference(folder.path())["frame"], index.frame);
     }
+}
+
+/// No setting makes UTM of it: the error must not name one.
+#[test]
+fn utm_near_a_pole_is_refused_with_its_latitude() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let error =
+        driven_at(85.35, folder.path(), &utm(), FRAME_EAST_NORTH_UP, GOOD_M, 0.5).finish().expect_err("refused");
+    let error = error.to_string();
+    assert!(error.contains("latitude 85.35 degrees is outside UTM; expected -80 to 84"), "{error}");
+    assert!(error.ends_with("use frame = \"world\"") && !error.contains("max_heading_deviation_deg"), "{error}");
 }
 
 #[test]

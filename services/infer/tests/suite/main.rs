@@ -1,3 +1,4 @@
 //! The stage infer, run without processes.
 
+mod mounting;
 mod step;

@@ -129,7 +129,13 @@ fn fused_model_gives_the_class_on_which_both_agree() {
     let fused = fused_file(folder.path(), 1);
     let (header, cloud, _) = street_sweep();
     let classes = |model: &Path| {
-        let settings = Settings { model: model.display().to_string(), ..Settings::default() };
+        // The corrections follow the probabilities, which differ.
+        let settings = Settings {
+            model: model.display().to_string(),
+            driven_is_road: false,
+            vehicle_shape: false,
+            ..Settings::default()
+        };
         assert_eq!(Infer::check(&settings, &root), []);
         let mut bench: Bench<Infer> = Bench::new(&settings, &root).expect("the model loads");
         bench.send::<SubmapTopic>(0, header, cloud.clone());
@@ -377,7 +383,7 @@ fn intensities_on_another_scale_are_doubted_and_normalized() {
         let mut bench = Bench::<Infer>::new(&settings, &at_root()).expect("the model loads");
         let mut points = points.clone();
         for (i, point) in points.iter_mut().enumerate() {
-            point.intensity = (f32::from(intensity) * (0.6 + 0.2 * (i % 5) as f32)) as u8;
+            point.intensity = (f32::from(intensity) * (0.6 + 0.05 * (i % 17) as f32)) as u8;
         }
         bench.send::<SubmapTopic>(0, header, points);
         bench.tick().expect("steps");
@@ -457,6 +463,7 @@ fn point_model() -> (tempfile::TempDir, Settings) {
         squares: None,
         temperature: 1.0,
         ground_intensities: None,
+        notice: Some("for tests only".to_owned()),
     };
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("points.safetensors");
@@ -487,6 +494,7 @@ fn model_on_points_gives_every_point_a_class_and_counts_points_with_nan() {
     assert_eq!(columns[1].rows().len(), 0);
     assert_eq!(bench.counter("points_unseen"), 2);
     assert_ne!(columns[0].header().model_digest, 0);
+    assert_eq!(bench.notes(), ["model: for tests only"]);
 }
 
 #[test]
@@ -518,6 +526,8 @@ fn color_model(with_band: bool) -> (tempfile::TempDir, Settings) {
         vote_cell_m: 0.2,
         temperature: 1.0,
         ground_intensities: None,
+        nearest: None,
+        notice: None,
         features: Features::new(features),
         ground: GroundUse::Kept,
     };

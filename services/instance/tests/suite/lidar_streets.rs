@@ -50,6 +50,24 @@ fn sparse_car_at_25_m_is_found_in_one_sweep() {
 }
 
 #[test]
+fn sparse_car_of_a_lidar_without_rings_is_found() {
+    let mut scan = Scan::new(HDL64);
+    scan.sweep(HDL64, [0.0; 2], 0, &car([25.0, -0.9], 1));
+    scan.header.n_rings = 0;
+    for point in &mut scan.street.points {
+        point.ring = 0;
+        point.azimuth = ((point.y.atan2(point.x).to_degrees().rem_euclid(360.0) * 100.0) as u16).min(35_999);
+    }
+    let ids = &ids_of(&[&scan], &Settings::default())[0];
+    assert_eq!(ids_of_thing(ids, &scan, 1), [1]);
+    // Few points at 5 m belong to no object.
+    let mut near = scan;
+    near.street.object([4.0, 6.0, 4.6, 6.4], [0.3, 0.9], 25, ClassId::Vehicles, 2);
+    near.header.sweeps[0].n_points += 25;
+    assert_eq!(ids_of_thing(&ids_of(&[&near], &Settings::default())[0], &near, 2), [0]);
+}
+
+#[test]
 fn few_points_of_many_near_sweeps_are_no_object() {
     let mut scan = Scan::new(HDL32);
     for idx in 0..20_u8 {
@@ -77,6 +95,62 @@ fn parked_cars_half_a_meter_apart_stay_two() {
         assert_eq!((first.len(), second.len()), (1, 1), "{first:?} {second:?}");
         assert!(first != second && first != [0] && second != [0], "{first:?} {second:?}");
     }
+}
+
+/// A car 20 m ahead and a car 20 m behind, both at the speed of the vehicle, 33 m/s, unmarked, next to a standing car: submaps of 7
+/// sweeps, as `slam_aggregate` makes at this speed.
+fn motorway() -> Vec<Scan> {
+    let scan = |first: u8| {
+        let mut scan = Scan::new(HDL64);
+        for idx in first..first + 7 {
+            let x = f32::from(idx) * 3.3;
+            let cars = [car([x + 20.0, -0.9], 1), car([x - 24.0, -0.9], 2), car([40.0, -5.5], 3)].concat();
+            scan.sweep(HDL64, [x, 0.0], i64::from(idx) * SWEEP_NANOS, &cars);
+        }
+        scan
+    };
+    [0, 7, 14].map(scan).into()
+}
+
+#[test]
+fn cars_at_the_speed_of_the_vehicle_on_a_motorway_keep_one_id_each() {
+    let scans = motorway();
+    let ids = ids_of(&scans.iter().collect::<Vec<_>>(), &Settings::default());
+    let of_thing = |thing| -> BTreeSet<u32> {
+        ids.iter().zip(&scans).flat_map(|(ids, scan)| ids_of_thing(ids, scan, thing)).collect()
+    };
+    let each = [1, 2, 3].map(of_thing);
+    assert!(each.iter().all(|ids| ids.len() == 1 && !ids.contains(&0)), "{each:?}");
+    assert_eq!(each.iter().flatten().collect::<BTreeSet<_>>().len(), 3, "{each:?}");
+}
+
+/// A vehicle with a hood in front of its LiDAR, driving 15 m past a car.
+fn with_hood(has_hood: bool) -> Scan {
+    let mut scan = Scan::new(HDL32);
+    for idx in 0..15_u8 {
+        let x = f32::from(idx);
+        let mut blocks: Vec<Block> = car([12.0, 3.0], 1).into();
+        if has_hood {
+            let min = [x + 1.2, -0.8, 0.5];
+            let max = [x + 2.2, 0.8, 0.9];
+            blocks.push(Block { min, max, class: ClassId::Vehicles, thing: 2, is_marked: false });
+        }
+        scan.sweep(HDL32, [x, 0.0], i64::from(idx) * SWEEP_NANOS, &blocks);
+    }
+    scan
+}
+
+#[test]
+fn hood_of_own_vehicle_is_no_object() {
+    let scan = with_hood(true);
+    let ids = &ids_of(&[&scan], &Settings::default())[0];
+    assert_eq!(ids_of_thing(ids, &scan, 1), [1]);
+    let n_hood = scan.street.truth.iter().filter(|thing| **thing == 2).count();
+    let n_with_id = ids.iter().zip(&scan.street.truth).filter(|(id, thing)| **thing == 2 && **id != 0).count();
+    assert!(n_hood > 1000 && n_with_id == 0, "{n_with_id} of {n_hood} points of the hood have an id");
+    // Nothing else is left out.
+    let without = with_hood(false);
+    assert_eq!(ids_of_thing(&ids_of(&[&without], &Settings::default())[0], &without, 1), [1]);
 }
 
 /// A van 15 m ahead of the vehicle, both at 25 m/s: 20 sweeps in two submaps. Only its rear is visible.

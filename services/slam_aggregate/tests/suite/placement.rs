@@ -211,6 +211,39 @@ fn stamps_more_than_a_second_late_or_early_are_doubted_with_the_least_delay() {
     assert_eq!(receiver_delay_doubt(&accepting, 1_200_000_000), None);
 }
 
+/// Such positions are valid positions at another place of the Earth.
+#[test]
+fn fixes_with_coordinates_in_radians_or_exchanged_are_a_doubt_that_says_so() {
+    let doubt = |settings: &Settings, change: &dyn Fn(&mut GnssRow)| {
+        let fixes = |second: f64| {
+            // Only position messages, as from ROS, have no velocity.
+            let mut row = GnssRow { speed_mps: -1.0, course_deg: -1.0, ..fix(second, Vector3::zeros()) };
+            change(&mut row);
+            Some(row)
+        };
+        let bench = finished_after(N_SWEEPS_OF_DELAYS, settings, &OtherSensors { fixes: &fixes, ..NONE });
+        (bench.doubt("fix_shape"), bench.doubt_text("fix_shape"))
+    };
+    let settings = settings(&[Correction::Gnss]);
+    let radians = |row: &mut GnssRow| {
+        (row.latitude_deg, row.longitude_deg) = (row.latitude_deg.to_radians(), row.longitude_deg.to_radians());
+    };
+    let exchanged = |row: &mut GnssRow| std::mem::swap(&mut row.latitude_deg, &mut row.longitude_deg);
+    // Minutes of arc as degrees.
+    let larger = |row: &mut GnssRow| row.latitude_deg = ORIGIN[0] + (row.latitude_deg - ORIGIN[0]) * 60.0;
+    assert_eq!(doubt(&settings, &|_| ()), (None, None));
+    for (change, words) in [
+        (&radians as &dyn Fn(&mut GnssRow), "written in radians"),
+        (&exchanged, "written with latitude and longitude exchanged"),
+        (&larger, "times the distances by odometry"),
+    ] {
+        let (size, text) = doubt(&settings, change);
+        assert!(size.is_some_and(|size_m| size_m > 3.0), "{size:?}");
+        assert!(text.as_ref().is_some_and(|text| text.contains(words)), "{text:?}");
+        assert_eq!(doubt(&Settings { min_used_fixes_share: 0.0, ..settings.clone() }, change), (None, None));
+    }
+}
+
 #[test]
 #[ignore = "long: .ci/run --nightly"]
 fn delays_that_are_corrected_are_not_doubted() {
@@ -286,7 +319,7 @@ fn placement_after_restarts_has_the_same_bytes() {
 }
 
 /// A drive folder with the street's lidar.
-fn drive_folder(folder: &std::path::Path) {
+pub fn drive_folder(folder: &std::path::Path) {
     let mounting = body_from_lidar();
     let t = mounting.translation;
     let q = mounting.rotation.coords;

@@ -279,7 +279,8 @@ fn report_on_bridged_sweeps_names_the_predicting_sensors() {
     };
     let both = notes(MotionSensor::ALL);
     let none = notes(&[]);
-    assert!(both.contains("predicted by inertial samples (4 sweeps) and GNSS velocities (4)"), "{both}");
+    // The sweep after the gap has few surfaces of the map in view: its weak directions follow the sensors too.
+    assert!(both.contains("predicted by inertial samples (5 sweeps) and GNSS velocities (5)"), "{both}");
     assert!(none.contains("predicted by constant motion"), "{none}");
 }
 

@@ -18,6 +18,10 @@ const TURN_NANOS: u64 = 100_000_000;
 /// Least share of a revolution that measures the size of a revolution.
 const COMPLETE: f64 = 0.9;
 
+/// Silence without an end after which a run says that it waits, s. A start of a LiDAR takes up to a minute, and someone may
+/// watch the console.
+const WAITING_S: f64 = 5.0;
+
 /// Limits for discarding sweeps and for giving up the sensor.
 #[derive(Clone, Copy, Debug)]
 pub struct LiveLimits {
@@ -138,6 +142,24 @@ impl LiveSensor {
             self.receiver.close();
         }
         Ok(())
+    }
+
+    /// Whether the recording has packets of an earlier process.
+    pub fn has_earlier_packets(&self) -> bool {
+        self.recording.has_earlier_packets()
+    }
+
+    /// What a silent sensor means for a run without a limit of silence.
+    pub fn waiting_note(&self) -> Option<String> {
+        let is_waiting = self.limits.quiet_s == 0.0 && !self.receiver.frontier().is_closed();
+        (is_waiting && self.receiver.silent_s() >= WAITING_S).then(|| {
+            let addresses = self.receiver.addresses();
+            let more = if self.receiver.n_packets() > 0 { " more" } else { "" };
+            format!(
+                "no{more} packet in {WAITING_S:.0} s at {addresses}; the run waits without a limit (quiet_s = 0): check cable and power of \
+                 the LiDAR, and whether it sends to this address and port; Ctrl-C ends the run"
+            )
+        })
     }
 
     /// Fails if packets have arrived for too long, all of them were read, and no sweep was found.

@@ -171,12 +171,13 @@ impl LiveVehicle {
             news.counts.extend(lidar.take_counts().into_iter().map(|(name, n)| (name.into(), n)));
         }
         news.notes.extend(notes);
+        news.notes.extend(self.lidar.waiting_note());
         news
     }
 
     /// Collects the doubts.
     pub fn doubt(&self, doubts: &mut Doubts) {
-        if self.lidar.n_sweeps() == 0 && self.n_packets > 0 {
+        if self.lidar.n_sweeps() == 0 && (self.n_packets > 0 || !self.lidar.has_earlier_packets()) {
             doubts.no_sweep(self.n_packets);
         }
         if let Some(SensorStats { lidar, log }) = self.lidar.stats() {

@@ -101,6 +101,8 @@ pub(crate) mod tests {
                 hdop: None,
                 satellites: 9,
                 quality: 1,
+                vdop: None,
+                deviation: None,
             }
         };
         speeds.iter().enumerate().map(&mut fix).collect()

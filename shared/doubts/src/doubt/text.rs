@@ -1,6 +1,6 @@
 //! The texts of doubts that operators read.
 
-use super::{Doubt, ExposureUse};
+use super::{Doubt, ExposureUse, FixReading};
 use std::fmt::{self, Display, Formatter};
 
 /// States what is doubtful, its size, the limit that it exceeds and what to do.
@@ -59,7 +59,13 @@ impl Display for Doubt {
                 "{n_packets} data packets come from another port of the LiDAR's address while the first port sends: two sensors or \
                  players send at once, and only the first one is used; stop the second one, or let it send to another port"
             ),
-            Self::TwoReceivers { n_epochs, apart_m } => write!(
+            Self::TwoReceivers { n_epochs: 0, n_alternating, apart_m } => write!(
+                f,
+                "{n_alternating} GNSS fixes are to one side of the fixes before and after them, by about {apart_m:.1} m: the log mixes \
+                 two receivers with different epochs, and all of their fixes are used; log the sentences of the receiver whose antenna is \
+                 antenna_in_body"
+            ),
+            Self::TwoReceivers { n_epochs, apart_m, .. } => write!(
                 f,
                 "{n_epochs} GNSS epochs have two positions, up to {apart_m:.1} m apart: the log mixes two receivers, and the first \
                  position of each epoch is used; log the sentences of the receiver whose antenna is antenna_in_body"
@@ -109,6 +115,9 @@ impl Display for Doubt {
             Self::SilentSensors { sensors } => {
                 write!(f, "drive.toml names sensors without any data within the sweeps: {}", sensors.join(", "))
             }
+            Self::NoSweep { n_packets: 0 } => f.write_str(
+                "no packet was received: check cable and power of the LiDAR, and whether it sends to the address of `listen`",
+            ),
             Self::NoSweep { n_packets } => {
                 write!(f, "{n_packets} packets were received and recorded, but none gave a sweep")
             }
@@ -120,6 +129,23 @@ impl Display for Doubt {
             Self::FewFixesUsed { n_used, n, share, limit, reason } => {
                 write!(f, "{n_used} of {n} fixes used ({:.0} %, limit {:.0} %): {reason}", 100.0 * share, 100.0 * limit)
             }
+            Self::FixShape { misfit_m, reading: Some(FixReading { text, misfit_m: read_m }), .. } => write!(
+                f,
+                "the fixes are {misfit_m:.1} m from the path of the odometry (median), and {read_m:.1} m if their coordinates were \
+                 written {text}: the position in the world is wrong; write latitude and longitude in degrees, in this order"
+            ),
+            Self::FixShape { misfit_m, ratio, usual: [least, largest], reading: None } => write!(
+                f,
+                "distances between the fixes are {ratio:.3} times the distances by odometry ({least} to {largest} are usual), {misfit_m:.1} m \
+                 from its path (median): the positions or their unit are wrong, or the odometry lost its path"
+            ),
+            Self::FarOrigin { far_m, limit_m } => write!(
+                f,
+                "the fixes are {:.0} km from gnss.origin of drive.toml (limit {:.0} km): one of them is wrong; are latitude and longitude \
+                 in degrees, in this order?",
+                far_m / 1000.0,
+                limit_m / 1000.0
+            ),
             Self::ReceiverDelay { late_s } => write!(
                 f,
                 "the stamps of the GNSS receiver are at least {:.1} s {} by its velocities, which is not corrected; \

@@ -1,6 +1,6 @@
 //! The LiDARs of a manifest: one table `[lidar]`, or several tables `[[lidar]]`.
 
-use super::{CameraEntry, GnssEntry, ImuEntry, Manifest, MosaicEntry, PoseEntry, TruthEntry};
+use super::{CameraEntry, GnssEntry, ImuEntry, Manifest, MosaicEntry, PoseEntry, TrajectoryEntry, TruthEntry};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::net::Ipv4Addr;
@@ -86,6 +86,7 @@ pub(super) struct ManifestFile {
     mosaic: Vec<MosaicEntry>,
     gnss: Option<GnssEntry>,
     imu: Option<ImuEntry>,
+    trajectory: Option<TrajectoryEntry>,
     truth: Option<TruthEntry>,
 }
 
@@ -101,7 +102,7 @@ impl TryFrom<ManifestFile> for Manifest {
     type Error = &'static str;
 
     fn try_from(file: ManifestFile) -> Result<Self, Self::Error> {
-        let ManifestFile { version, name, lidar, camera, mosaic, gnss, imu, truth } = file;
+        let ManifestFile { version, name, lidar, camera, mosaic, gnss, imu, trajectory, truth } = file;
         let mut lidars = match lidar {
             OneOrMore::One(lidar) => vec![*lidar],
             OneOrMore::More(lidars) => lidars,
@@ -111,18 +112,18 @@ impl TryFrom<ManifestFile> for Manifest {
         let other_lidars = lidars.collect();
         let cameras = camera;
         let mosaics = mosaic;
-        Ok(Self { version, name, lidar, other_lidars, cameras, mosaics, gnss, imu, truth })
+        Ok(Self { version, name, lidar, other_lidars, cameras, mosaics, gnss, imu, trajectory, truth })
     }
 }
 
 impl From<Manifest> for ManifestFile {
     fn from(manifest: Manifest) -> Self {
-        let Manifest { version, name, lidar, other_lidars, cameras, mosaics, gnss, imu, truth } = manifest;
+        let Manifest { version, name, lidar, other_lidars, cameras, mosaics, gnss, imu, trajectory, truth } = manifest;
         let lidar = if other_lidars.is_empty() {
             OneOrMore::One(Box::new(lidar))
         } else {
             OneOrMore::More([vec![lidar], other_lidars].concat())
         };
-        Self { version, name, lidar, camera: cameras, mosaic: mosaics, gnss, imu, truth }
+        Self { version, name, lidar, camera: cameras, mosaic: mosaics, gnss, imu, trajectory, truth }
     }
 }

@@ -287,7 +287,7 @@ fn folder_with_several_kinds_of_recordings_is_refused_with_their_names() {
     );
 }
 
-#[real_data::test("kitti_raw_0048")]
+#[real_data::test("kitti_raw_0048/*.pcd")]
 fn folder_of_real_sweeps_without_manifest_opens_as_drive() {
     let folder = real_data::path("kitti_raw_0048");
     let drive = Drive::open(&folder).expect("opens");

@@ -26,6 +26,44 @@ pub struct RawCloud {
     pub beams: Option<Column>,
     /// Times, if present.
     pub times: Option<Column>,
+    /// A pose of the sensor that the file states and that is not the identity, in the words of the file. It is not applied:
+    /// programs differ in whether the points are in its frame.
+    pub viewpoint: Option<String>,
+    /// Points that the file flags.
+    pub flags: PointFlags,
+}
+
+/// Numbers of points that a file flags.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PointFlags {
+    /// All points of the file.
+    pub n_points: u64,
+    /// Points flagged as withheld (deleted); they are not among the points of the cloud.
+    pub n_withheld: u64,
+    /// Points classified as noise.
+    pub n_noise: u64,
+}
+
+impl PointFlags {
+    /// The sums of two files.
+    #[must_use]
+    pub fn plus(self, other: Self) -> Self {
+        Self {
+            n_points: self.n_points + other.n_points,
+            n_withheld: self.n_withheld + other.n_withheld,
+            n_noise: self.n_noise + other.n_noise,
+        }
+    }
+
+    /// Lines of a report.
+    pub fn lines(self) -> Vec<String> {
+        let Self { n_points, n_withheld, n_noise } = self;
+        let withheld = format!("{n_withheld} of {n_points} points are flagged as withheld and left out");
+        let noise =
+            format!("{n_noise} of {n_points} points are classified as noise (7 or 18); they are kept as returns");
+        let lines = [(n_withheld, withheld), (n_noise, noise)];
+        lines.into_iter().filter(|(n, _)| *n > 0).map(|(_, line)| line).collect()
+    }
 }
 
 impl RawCloud {

@@ -140,6 +140,7 @@ pub(super) fn relative(position: [f64; 3], origin: Option<MapOrigin>) -> [f64; 3
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cloud_fields::PointFlags;
 
     fn cloud(position_type: ValueType, shift: [f64; 3], radius_m: f64) -> RawCloud {
         let position = |k: usize| {
@@ -151,7 +152,15 @@ mod tests {
             positions.as_flattened_mut().iter_mut().for_each(|value| *value = f64::from(*value as f32));
         }
         positions.push([f64::NAN; 3]);
-        RawCloud { positions, position_type, intensities: None, beams: None, times: None }
+        RawCloud {
+            positions,
+            position_type,
+            intensities: None,
+            beams: None,
+            times: None,
+            viewpoint: None,
+            flags: PointFlags::default(),
+        }
     }
 
     #[test]

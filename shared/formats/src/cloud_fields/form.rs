@@ -30,6 +30,7 @@ pub struct FormBuilder {
     intensities: IntensitySample,
     beams: Option<String>,
     origin: Option<MapOrigin>,
+    viewpoint: Option<String>,
 }
 
 /// Times of an examined cloud.
@@ -51,6 +52,8 @@ pub struct CloudForm {
     pub intensities: IntensityScale,
     /// Whole meters that are subtracted from map coordinates.
     pub origin: Option<MapOrigin>,
+    /// The first pose of the sensor that a file states, and that is not applied.
+    pub viewpoint: Option<String>,
     /// Name of the times that are not read: their unit is unknown.
     pub unread_times: Option<String>,
     /// Lines of the report about times and rings.
@@ -153,6 +156,9 @@ impl FormBuilder {
     pub fn add(&mut self, cloud: &RawCloud, stamp: Option<i64>) -> Result<(), super::CoordinateFault> {
         let origin = cloud.map_origin()?;
         self.origin = self.origin.or(origin);
+        if self.viewpoint.is_none() {
+            self.viewpoint.clone_from(&cloud.viewpoint);
+        }
         if let (Some(column), Some(range)) = (&cloud.times, cloud.time_range(false)) {
             let returns = cloud.time_range(true).unwrap_or(range);
             self.clouds.push(Examined { name: column.name.clone(), stamp, range, returns });
@@ -187,7 +193,7 @@ impl FormBuilder {
         let report = vec![self.report_of_times(times.as_ref()), self.report_of_rings(rings.as_ref(), &beams)];
         let unread_times = self.clouds.first().map(|cloud| cloud.name.clone()).filter(|_| times.is_none());
         let intensities = self.intensities.scale();
-        CloudForm { times, beams, intensities, origin: self.origin, unread_times, report }
+        CloudForm { times, beams, intensities, origin: self.origin, viewpoint: self.viewpoint, unread_times, report }
     }
 
     fn times(&self) -> Option<Times> {
@@ -322,7 +328,18 @@ impl CloudForm {
                  program, or their frame is unknown: sweeps in the frame of the LiDAR give a path"
             ));
         }
+        lines.extend(self.viewpoint_line());
         lines
+    }
+
+    /// The line about a pose of the sensor that is not applied.
+    pub fn viewpoint_line(&self) -> Option<String> {
+        self.viewpoint.as_ref().map(|viewpoint| {
+            format!(
+                "{viewpoint} is not applied: the points are taken as in the frame of the LiDAR; if they are in the frame in which the LiDAR \
+                 has this pose, transform them before the import"
+            )
+        })
     }
 
     /// Time by which the stamps of the recording are corrected: sweeps begin earlier if stamps are at their ends, ns.

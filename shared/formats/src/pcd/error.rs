@@ -79,6 +79,15 @@ pub enum PcdFault {
         /// Its `SIZE`.
         size: usize,
     },
+    /// Padding has no bytes.
+    #[error(
+        "COUNT 0 of padding `_` before field {before:?}: files with such headers have bytes there, so the places of the fields \
+         are unknown; convert the original recording again"
+    )]
+    EmptyPadding {
+        /// The field after it; empty for the last one.
+        before: String,
+    },
     /// A row has too many values.
     #[error("{found} values per row; at most {limit} are supported")]
     RowLength {

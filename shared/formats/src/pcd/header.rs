@@ -41,6 +41,8 @@ pub(super) struct Header {
     pub(super) row_words: usize,
     pub(super) n_points: usize,
     pub(super) encoding: Encoding,
+    /// The line `VIEWPOINT`; `None` for the identity.
+    pub(super) viewpoint: Option<String>,
     /// Lines of the header.
     pub(super) n_lines: usize,
     /// Bytes of the header.
@@ -77,6 +79,7 @@ impl Header {
         let mut width = None;
         let mut height = None;
         let mut n_points = None;
+        let mut viewpoint = None;
         let mut at = 0;
         for line in 1..=MAX_HEADER_LINES {
             let error = |fault: PcdFault| PcdError { line, fault };
@@ -106,6 +109,7 @@ impl Header {
                 "TYPE" => kinds = words.iter().map(|word| (*word).to_owned()).collect(),
                 "WIDTH" => width = Some(count()?),
                 "HEIGHT" => height = Some(count()?),
+                "VIEWPOINT" => viewpoint = (!is_identity(&words)).then(|| format!("VIEWPOINT {}", words.join(" "))),
                 "POINTS" => n_points = Some(count()?),
                 "DATA" => {
                     let encoding = match words.first() {
@@ -128,14 +132,30 @@ impl Header {
                         layout(&fields, &sizes, &kinds, &counts).map_err(error)?;
                     let n_lines = line;
                     let n_bytes = at;
-                    return Ok(Self { values, names, row_bytes, row_words, n_points, encoding, n_lines, n_bytes });
+                    return Ok(Self {
+                        values,
+                        names,
+                        row_bytes,
+                        row_words,
+                        n_points,
+                        encoding,
+                        viewpoint,
+                        n_lines,
+                        n_bytes,
+                    });
                 }
-                // VERSION, VIEWPOINT, comments and unknown keywords are ignored.
+                // VERSION, comments and unknown keywords are ignored.
                 _ => {}
             }
         }
         Err(PcdError { line: MAX_HEADER_LINES, fault: PcdFault::NoData })
     }
+}
+
+/// Whether a viewpoint (x y z and a quaternion w x y z) is the origin without a rotation. Some writers leave all numbers 0.
+fn is_identity(words: &[&str]) -> bool {
+    let numbers: Option<Vec<f64>> = words.iter().map(|word| word.parse().ok()).collect();
+    numbers.is_some_and(|numbers| numbers.iter().enumerate().all(|(index, number)| index == 3 || *number == 0.0))
 }
 
 fn integers(words: &[&str]) -> Result<Vec<usize>, PcdFault> {
@@ -165,7 +185,11 @@ fn layout(fields: &[String], sizes: &[usize], kinds: &[String], counts: &[usize]
         let value_type = value_type(&kinds[index], size);
         let value_type =
             value_type.ok_or_else(|| PcdFault::Type { field: field.clone(), kind: kinds[index].clone(), size })?;
-        // Fields without values have no place in a row.
+        // Padding of zero bytes has been seen where there were bytes: the fields after it would be read from wrong places.
+        if field == "_" && count == 0 {
+            return Err(PcdFault::EmptyPadding { before: fields.get(index + 1).cloned().unwrap_or_default() });
+        }
+        // Other fields without values have no place in a row.
         let name = if count == 0 { "" } else { field.as_str() };
         all.push((name, Value { value_type, offset: found.row_bytes, stride: size * count, word: found.row_words }));
         found.row_bytes += size * count;

@@ -1,7 +1,7 @@
 //! The vertices of a file as columns of a cloud.
 
 use super::{Kind, PlyError, Vertices};
-use crate::cloud_fields::{Column, Field, RawCloud, ValueType};
+use crate::cloud_fields::{Column, Field, PointFlags, RawCloud, ValueType};
 
 impl Vertices {
     /// Coordinates, intensities, rings and times, by the names of [`Field`].
@@ -31,6 +31,8 @@ impl Vertices {
             intensities: column(Field::Intensity)?,
             beams: column(Field::Ring)?,
             times: column(Field::Time)?,
+            viewpoint: self.viewpoint().map(str::to_owned),
+            flags: PointFlags::default(),
         })
     }
 }

@@ -44,8 +44,14 @@ enum RowError {
     Parse(ParseError),
 }
 
-/// The packed rows of the element `vertex` of `bytes`, whose header ends at `start`.
-pub(super) fn packed_rows(head: &Header, bytes: &[u8], start: usize, path: &Path) -> Result<Vec<u8>, PlyError> {
+/// The packed rows of an element of `bytes`, whose header ends at `start`.
+pub(super) fn packed_rows(
+    head: &Header,
+    name: &str,
+    bytes: &[u8],
+    start: usize,
+    path: &Path,
+) -> Result<Vec<u8>, PlyError> {
     let parser = Parser::<PackedRow>::new();
     let mut rest = &bytes[start..];
     let mut packed = Vec::new();
@@ -69,11 +75,11 @@ pub(super) fn packed_rows(head: &Header, bytes: &[u8], start: usize, path: &Path
                 let fault = PayloadFault::Row { row, element: element.name.clone(), cause: Box::new(error) };
                 PlyError::payload(path, at, fault)
             })?;
-            if element.name == "vertex" {
+            if element.name == name {
                 packed.extend_from_slice(&values.0);
             }
         }
-        if element.name == "vertex" {
+        if element.name == name {
             break;
         }
     }

@@ -1,6 +1,6 @@
 //! Reading whole clouds.
 
-use super::{Header, HeaderFault, Kind, PayloadFault, PlyError, Property, PropertyFault, packed};
+use super::{Header, HeaderFault, Kind, PayloadFault, PlyError, Property, PropertyFault, camera, packed};
 use files::regular_file;
 use ply_rs::parser::{Parser, Reader};
 use ply_rs::ply::{DefaultElement, ElementDef, Encoding, PropertyType};
@@ -17,6 +17,7 @@ pub struct Vertices {
     path: PathBuf,
     comments: Vec<String>,
     infos: Vec<String>,
+    viewpoint: Option<String>,
     properties: Vec<Property>,
     n_points: usize,
     row_size: usize,
@@ -44,6 +45,7 @@ impl Vertices {
             path: path.to_owned(),
             comments: head.comments.clone(),
             infos: head.obj_infos.clone(),
+            viewpoint: None,
             n_points: vertex.count,
             properties,
             row_size,
@@ -51,10 +53,12 @@ impl Vertices {
             rows: 0..0,
         };
         if head.encoding == Encoding::BinaryLittleEndian && is_plain(&head, vertex) {
-            vertices.rows = plain_rows(&head, start, bytes.len(), path)?;
+            vertices.rows = plain_rows(&head, "vertex", start, bytes.len(), path)?;
+            vertices.viewpoint = camera::viewpoint(&head, &bytes, start, path);
             vertices.bytes = bytes;
         } else {
-            vertices.bytes = packed::packed_rows(&head, &bytes, start, path)?;
+            vertices.bytes = packed::packed_rows(&head, "vertex", &bytes, start, path)?;
+            vertices.viewpoint = camera::viewpoint(&head, &bytes, start, path);
             vertices.rows = 0..vertices.bytes.len();
         }
         Ok(vertices)
@@ -67,6 +71,7 @@ impl Vertices {
             path: path.to_owned(),
             comments: header.comments.clone(),
             infos: header.infos.clone(),
+            viewpoint: None,
             properties: header.properties.clone(),
             n_points: bytes.len() / row_size.max(1),
             row_size,
@@ -94,6 +99,10 @@ impl Vertices {
     /// Lines `obj_info …`.
     pub fn infos(&self) -> &[String] {
         &self.infos
+    }
+    /// Pose of the sensor in the element `camera`, in its words; `None` if it is absent or the identity.
+    pub fn viewpoint(&self) -> Option<&str> {
+        self.viewpoint.as_deref()
     }
     /// Whether a column of this name exists.
     pub fn has(&self, name: &str) -> bool {
@@ -239,9 +248,10 @@ pub(super) fn is_plain(head: &ply_rs::ply::Header, vertex: &ElementDef) -> bool 
     up_to_vertex.chain([vertex]).all(|element| scalar_properties(element).len() == element.properties.len())
 }
 
-/// Byte range of the vertices in a plain file.
+/// Byte range of the rows of an element in a plain file.
 pub(super) fn plain_rows(
     head: &ply_rs::ply::Header,
+    name: &str,
     start: usize,
     len: usize,
     path: &Path,
@@ -254,7 +264,7 @@ pub(super) fn plain_rows(
             let fault = PayloadFault::Cut { n_rows: element.count, element: element.name.clone(), row_size };
             return Err(PlyError::payload(path, len, fault));
         };
-        if element.name == "vertex" {
+        if element.name == name {
             return Ok(start..end);
         }
         start = end;

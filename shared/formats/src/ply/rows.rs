@@ -36,7 +36,7 @@ impl PlyRows {
         let Some(vertex) = vertex.filter(|_| head.encoding == Encoding::BinaryLittleEndian) else {
             return Err(PlyError::header(path, 1, HeaderFault::NotPlain));
         };
-        let rows = plain_rows(&head, start, n_bytes as usize, path)?;
+        let rows = plain_rows(&head, "vertex", start, n_bytes as usize, path)?;
         let header = Header {
             comments: head.comments.clone(),
             infos: head.obj_infos.clone(),

@@ -38,6 +38,11 @@ pub fn parse_stamp(field: &str) -> Result<Stamp, PoseFault> {
     seconds(field).ok_or_else(|| PoseFault::Seconds { found: field.to_owned() })
 }
 
+/// Nanoseconds of a number of seconds, as in a line of TUM.
+pub fn nanos_from_seconds(field: &str) -> Option<i64> {
+    seconds(field).map(|stamp| stamp.0)
+}
+
 fn seconds(field: &str) -> Option<Stamp> {
     if field.contains(['e', 'E']) {
         let seconds: f64 = field.parse().ok()?;

@@ -68,6 +68,8 @@ pub struct UpDirection {
 pub struct PoseGraph {
     /// Pose of each submap after the first relative to the previous one, from the odometry.
     pub odometry: Vec<RelativePose>,
+    /// Path length of each pose of `odometry` that may be bent upward or downward like the others, m; missing ones are 0.
+    pub bent_m: Vec<f64>,
     /// Loop closures. They may be outliers.
     pub loops: Vec<RelativePose>,
     /// Positions. They may be outliers.

@@ -1,5 +1,6 @@
 //! Robust least squares over the poses of the submaps.
 
+use super::bend::add_bend;
 use super::elimination::{BlockSystem, Factored, Order};
 use super::factors::{RelativeFactor, UnaryFactor};
 use super::measurements::{PoseGraph, RelativePose};
@@ -112,7 +113,9 @@ impl PoseGraph {
             convexity = (convexity / SHARPENING).max(1.0);
         }
         let weights = problem.weights(&poses, 1.0);
-        let covariances = problem.factored(&problem.system(&poses, &weights), 0.0)?.covariances();
+        let factored = problem.factored(&problem.system(&poses, &weights), 0.0)?;
+        let mut covariances = factored.covariances();
+        add_bend(&mut covariances, self, &poses, &factored);
         Some(Solution { poses, covariances, loop_weights: weights.loops, position_weights: weights.positions })
     }
 

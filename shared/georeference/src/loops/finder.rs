@@ -2,7 +2,7 @@
 
 use super::correlation::{Located, TopView};
 use super::keyframe::{Keyframe, SurfacePoint};
-use super::refinement::{map_of, refine};
+use super::refinement::{FitFloor, refine, surface_map};
 use super::scan_context::{ContextMatch, ScanContext};
 use crate::graph::RelativePose;
 use geometry::{Isometry3, Pose, Vector3};
@@ -137,7 +137,7 @@ impl LoopFinder {
         if walls < self.settings.min_walls {
             return None;
         }
-        let fit = refine(&map_of(&surfaces), source, &located)?;
+        let fit = refine(&surface_map(&surfaces), source, &located, FitFloor::LOOP)?;
         if fit.matched < self.settings.min_matched || fit.rms_m > self.settings.max_rms_m {
             return None;
         }

@@ -34,7 +34,9 @@ struct Packed([i16; 3], [i8; 3]);
 /// A point of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfacePoint {
+    /// Position, m.
     pub position: Point3<f64>,
+    /// Unit normal.
     pub normal: Vector3<f64>,
 }
 

@@ -11,31 +11,43 @@ const RADIUS_M: f64 = 0.5;
 /// Robust scales, m, and the largest number of rounds of each: first the error of the guess, then the scale that the
 /// map's spacing allows.
 const SCALES: [(f64, usize); 2] = [(0.3, 8), (0.05, 16)];
-/// A smaller step ends the rounds of a scale, m and rad: a sixtieth of [`FLOOR_M`], also at a distance of 40 m.
+/// A smaller step ends the rounds of a scale, m and rad: a sixtieth of [`FitFloor::LOOP`], also at a distance of 40 m.
 const SETTLED_M: f64 = 5e-4;
 const SETTLED_RAD: f64 = 1e-5;
 /// Fewer matches are not used as a measurement.
 const MIN_MATCHES: u32 = 300;
 /// Error of a residual, m. Matches on one wall have correlated errors, so it is larger than the noise.
 const RESIDUAL_M: f64 = 0.2;
-/// Least error with any number of matches, m and rad: two views of a town from different positions do not agree better.
-const FLOOR_M: f64 = 0.03;
-const FLOOR_RAD: f64 = 0.001;
+
+/// Least standard deviations of a fit with any number of matches.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FitFloor {
+    /// Translation, m.
+    pub m: f64,
+    /// Rotation, rad.
+    pub rad: f64,
+}
+
+impl FitFloor {
+    /// Two views of a town from different positions, thinned during the drive, do not agree better.
+    pub const LOOP: Self = Self { m: 0.03, rad: 0.001 };
+}
 
 /// A refined pose.
 #[derive(Clone, Debug)]
 pub struct Fit {
+    /// The pose.
     pub target_from_source: Pose,
     /// Share of the source's points near a surface of the target.
     pub matched: f64,
-    /// Weighted root mean square distance, m.
+    /// Weighted root mean square distance of surfaces, m.
     pub rms_m: f64,
     /// Inverse covariance: translation in the target's axes, rotation in the source's.
     pub information: Matrix6<f64>,
 }
 
 /// The surfaces of a keyframe, searchable by position.
-pub fn map_of(surfaces: &[SurfacePoint]) -> LocalMap {
+pub fn surface_map(surfaces: &[SurfacePoint]) -> LocalMap {
     let point = |surface: &SurfacePoint| MapPoint {
         lever: 0.0,
         turn_lever: 0.0,
@@ -47,7 +59,7 @@ pub fn map_of(surfaces: &[SurfacePoint]) -> LocalMap {
 }
 
 /// Refines a guess that is accurate within half a metre. `None` if there are too few matches.
-pub fn refine(target: &LocalMap, source: &[SurfacePoint], guess: &Pose) -> Option<Fit> {
+pub fn refine(target: &LocalMap, source: &[SurfacePoint], guess: &Pose, floor: FitFloor) -> Option<Fit> {
     let mut target_from_source = *guess;
     let mut last = None;
     for (scale_m, max_rounds) in SCALES {
@@ -64,7 +76,7 @@ pub fn refine(target: &LocalMap, source: &[SurfacePoint], guess: &Pose) -> Optio
     }
     let round = last?;
     Some(Fit {
-        information: information(&round.h, &target_from_source)?,
+        information: information(&round.h, &target_from_source, floor)?,
         target_from_source,
         matched: f64::from(round.n_matched) / source.len() as f64,
         rms_m: (round.squares / round.weight).sqrt(),
@@ -105,12 +117,12 @@ impl Round {
     }
 }
 
-fn information(h: &Matrix6<f64>, target_from_source: &Pose) -> Option<Matrix6<f64>> {
+fn information(h: &Matrix6<f64>, target_from_source: &Pose, floor: FitFloor) -> Option<Matrix6<f64>> {
     // A weak prior keeps directions without any match finite: a kilometre, a radian.
     let loose = Vector6::new(1e-6, 1e-6, 1e-6, 1.0, 1.0, 1.0);
     let covariance = (h / (RESIDUAL_M * RESIDUAL_M) + Matrix6::from_diagonal(&loose)).try_inverse()?;
-    let m = FLOOR_M * FLOOR_M;
-    let rad = FLOOR_RAD * FLOOR_RAD;
+    let m = floor.m * floor.m;
+    let rad = floor.rad * floor.rad;
     let covariance = covariance + Matrix6::from_diagonal(&Vector6::new(m, m, m, rad, rad, rad));
     // The steps are in source axes; the graph expects translations in target axes.
     let mut axes = Matrix6::identity();

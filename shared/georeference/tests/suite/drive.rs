@@ -9,7 +9,7 @@ use random::{gauss, hash};
 use registration::{Registered, SweepMotion};
 
 pub const SECONDS: i64 = 120;
-const SWEEP_NANOS: i64 = 100_000_000;
+pub const SWEEP_NANOS: i64 = 100_000_000;
 const ANTENNA: [f64; 3] = [-1.2, 0.3, 1.75];
 /// Drift of the heading of the odometry, rad/s: 0.2 degrees at the end.
 const DRIFT_RAD_PER_S: f64 = 3e-5;
@@ -79,7 +79,7 @@ pub fn placed(fixes: impl Fn(i64) -> Option<GnssRow>) -> Placed {
     georeferencer.solve(&settings).expect("has submaps")
 }
 
-fn registered(stamp: i64, begin: &Pose, end: &Pose) -> Registered {
+pub fn registered(stamp: i64, begin: &Pose, end: &Pose) -> Registered {
     let translation = end.translation.vector - begin.translation.vector;
     let motion = SweepMotion { mid: *begin, translation, rotation: Vector3::zeros() };
     matched::registered(stamp, SWEEP_NANOS as u32, motion, 1000, false)

@@ -4,6 +4,10 @@
 mod drive;
 mod gnss_row;
 mod graph;
+mod kitti_drive;
 mod loops;
 mod matched;
 mod placement;
+mod real_receiver;
+mod refined;
+mod scored;

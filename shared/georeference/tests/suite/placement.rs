@@ -125,3 +125,16 @@ fn receiver_without_velocities_places_the_drive_despite_a_wrong_third() {
     let [across, _, heading] = errors(&placed);
     assert!(across < 1.3 && heading < 0.6, "{across} m, {heading} degrees");
 }
+
+#[test]
+fn deviations_that_a_receiver_states_reach_the_result_unless_they_are_too_small() {
+    let with = |across_m: f32, up_m: f32| {
+        placed(|second| {
+            let row = fix(second, noise(8, second, 0.1));
+            Some(GnssRow { deviation_across_m: across_m, deviation_up_m: up_m, ..row })
+        })
+    };
+    let [plain, small, large] = [with(0.0, 0.0), with(0.001, 0.001), with(3.0, 5.0)].map(|placed| stated(&placed));
+    assert_eq!(plain, small);
+    assert!(large[0] > 3.0 * 2_f64.sqrt() && large[1] > 5.0, "{large:?}");
+}

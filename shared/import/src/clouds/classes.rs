@@ -17,6 +17,7 @@ pub(super) fn class_of(layout: Layout, id: i64) -> Option<ClassId> {
         Layout::ParisLille => PARIS_LILLE_10.get(usize::try_from(id).ok()?),
         Layout::Toronto => TORONTO.get(usize::try_from(id).ok()?),
         Layout::Street3d => STREET3D.get(usize::try_from(id).ok()?),
+        Layout::Oakland => return oakland(id),
     };
     found.copied()
 }
@@ -31,6 +32,38 @@ const TORONTO: [ClassId; 9] = [Unlabeled, Road, RoadLine, Vegetation, Building, 
 
 /// `Street3D`: undefined, building, car, ground, pole, vegetation.
 const STREET3D: [ClassId; 6] = [Unlabeled, Building, Vehicles, Ground, Pole, Vegetation];
+
+/// Oakland 3-D (Munoz et al., CVPR 2009): its `labels.txt`. Kinds of ground without a surface (`ground`, `load_bearing`), wires and
+/// what is not named have no counterpart.
+fn oakland(id: i64) -> Option<ClassId> {
+    Some(match id {
+        // To label, undetermined, linear, surface and scatter of no kind, artifact; wires; load bearing, cliff, ground;
+        // chimney, ceiling; rock.
+        1000..=1005 | 1100..=1102 | 1105 | 1200..=1202 | 1405 | 1410 | 1600 => Unlabeled,
+        // Utility pole, crossarm; support pole, lamp support, transformer; post, pylon; lamp, support of traffic lights.
+        1103 | 1104 | 1106..=1108 | 1110 | 1112 | 1114 | 1116 => Pole,
+        // Fire hydrant, bench, garbage, parking meter, mailbox.
+        1109 | 1113 | 1117 | 1119 | 1413 => Static,
+        1111 => TrafficSign,
+        // Traffic light, light of a crossing.
+        1115 | 1118 => TrafficLight,
+        1203 => Road,
+        // Curb, walkway.
+        1205 | 1206 => Sidewalk,
+        1207 => GuardRail,
+        // Trail, grass.
+        1204 | 1301 => Terrain,
+        1300 | 1302..=1306 => Vegetation,
+        // Facade, stairs, door, window, roof, ledge, column.
+        1400 | 1402..=1404 | 1406 | 1411 | 1412 => Building,
+        1401 => Wall,
+        // Chain link, fence, gate, concertina wire.
+        1407..=1409 | 1601 => Fence,
+        1500 => Pedestrian,
+        1501 => Vehicles,
+        _ => return None,
+    })
+}
 
 /// The tree of classes of Paris-Lille-3D: two digits per level.
 const PARIS_LILLE: [(i64, ClassId); 42] = [
@@ -111,6 +144,10 @@ mod tests {
             (Layout::Toronto, 5, Some(Unlabeled)),
             (Layout::Street3d, 3, Some(Ground)),
             (Layout::Street3d, 6, None),
+            (Layout::Oakland, 1203, Some(Road)),
+            (Layout::Oakland, 1305, Some(Vegetation)),
+            (Layout::Oakland, 1200, Some(Unlabeled)),
+            (Layout::Oakland, 1502, None),
         ] {
             assert_eq!(class_of(layout, id), class, "{layout:?} {id}");
         }

@@ -2,8 +2,8 @@
 
 use super::classes::class_of;
 use crate::error::{At, ImportError};
-use crate::files::files;
-use formats::ply::{Header, PlyRows};
+use crate::files::{files, stem};
+use formats::ply::{Header, Kind, PlyRows};
 use messages::ClassId;
 use std::path::{Path, PathBuf};
 
@@ -18,6 +18,8 @@ pub(crate) enum Layout {
     Toronto,
     /// `Street3D` of SHREC 2020: text, x y z first and the class last.
     Street3d,
+    /// Oakland 3-D Point Cloud Dataset: text of x y z label confidence, also compressed by gzip.
+    Oakland,
 }
 
 /// Names of the columns of a PLY file.
@@ -30,6 +32,8 @@ struct Names {
     cosine: &'static str,
 }
 
+/// Names of the color columns in all layouts with colors; other types than `uchar` are not imported.
+const COLORS: [&str; 3] = ["red", "green", "blue"];
 /// Name of a column that the layout does not have.
 const NONE: &str = "";
 
@@ -41,6 +45,7 @@ impl Layout {
             Self::ParisLille => "Paris-Lille-3D",
             Self::Toronto => "Toronto-3D",
             Self::Street3d => "Street3D",
+            Self::Oakland => "Oakland 3-D",
         }
     }
 
@@ -71,7 +76,7 @@ impl Layout {
                 intensity: "scalar_Intensity",
                 cosine: NONE,
             },
-            Self::Street3d => {
+            Self::Street3d | Self::Oakland => {
                 Names { scanner: [NONE; 3], time: NONE, class: NONE, instance: NONE, intensity: NONE, cosine: NONE }
             }
         }
@@ -82,21 +87,41 @@ impl Layout {
         if source.is_file() {
             return Ok(vec![source.to_owned()]);
         }
-        let end = if self == Self::Street3d { ".txt" } else { ".ply" };
         let is_cloud = |(_, path): &(String, PathBuf)| self != Self::Street3d || is_street3d(path);
-        Ok(files(source, end)?.into_iter().filter(is_cloud).map(|(_, path)| path).collect())
+        let mut found = Vec::new();
+        for end in self.ends() {
+            found.extend(files(source, end)?.into_iter().filter(is_cloud).map(|(_, path)| path));
+        }
+        Ok(found)
+    }
+
+    /// Ends of the names of its files, in any letter case.
+    fn ends(self) -> &'static [&'static str] {
+        match self {
+            Self::ParisCarla | Self::ParisLille | Self::Toronto => &[".ply"],
+            Self::Street3d => &[".txt"],
+            Self::Oakland => &[".xyz_label_conf", ".xyz_label_conf.gz"],
+        }
+    }
+
+    /// Whether its files are text without names of the columns.
+    pub fn is_text(self) -> bool {
+        matches!(self, Self::Street3d | Self::Oakland)
     }
 
     /// Whether the first cloud of the source has the columns of this layout.
     pub fn fits(self, source: &Path) -> Result<bool, ImportError> {
-        let is_text = source.extension().is_some_and(|extension| extension == "txt");
-        let wants_text = self == Self::Street3d;
-        if source.is_file() && is_text != wants_text {
+        let name = source.file_name().unwrap_or_default().to_string_lossy();
+        let has_end = |end: &&str| stem(&name, end).is_some();
+        if source.is_file() && !self.ends().iter().any(has_end) {
             return Ok(false);
         }
         let Some(first) = self.files(source)?.into_iter().next() else { return Ok(false) };
-        if wants_text {
-            return Ok(is_street3d(&first));
+        match self {
+            Self::Street3d => return Ok(is_street3d(&first)),
+            // Only this data set has this end.
+            Self::Oakland => return Ok(true),
+            Self::ParisCarla | Self::ParisLille | Self::Toronto => {}
         }
         // Any other file is not a cloud of this layout; unreadable sweeps are reported as such.
         let Ok(rows) = PlyRows::open(&first) else { return Ok(false) };
@@ -126,6 +151,8 @@ pub(super) struct Columns {
     pub instance: Option<usize>,
     pub intensity: Option<usize>,
     pub cosine: Option<usize>,
+    /// Red, green, blue.
+    pub color: Option<[usize; 3]>,
     /// Names of the columns that are not imported.
     pub left: Vec<String>,
 }
@@ -133,19 +160,21 @@ pub(super) struct Columns {
 impl Columns {
     /// The columns of a file.
     pub fn from_layout(layout: Layout, file: &Path) -> Result<Self, ImportError> {
-        if layout == Layout::Street3d {
+        if layout.is_text() {
             let position = [0, 1, 2];
             let scanner = None;
-            // The class is the last column.
+            // `Street3D` has the class in its last column; in Oakland a confidence follows it.
+            let class = if layout == Layout::Oakland { 3 } else { usize::MAX };
             return Ok(Self {
                 layout,
                 position,
                 scanner,
                 time: None,
-                class: usize::MAX,
+                class,
                 instance: None,
                 intensity: None,
                 cosine: None,
+                color: None,
                 left: Vec::new(),
             });
         }
@@ -158,6 +187,8 @@ impl Columns {
         let optional = |name: &str| column(rows.header(), name);
         let scanner: Vec<usize> = names.scanner.iter().filter_map(|name| optional(name)).collect();
         let scanner: Option<[usize; 3]> = scanner.try_into().ok();
+        let is_byte = |at: &usize| rows.header().properties[*at].kind == Kind::UChar;
+        let color: Vec<usize> = COLORS.iter().filter_map(|name| optional(name).filter(is_byte)).collect();
         let time = optional(names.time).filter(|_| scanner.is_some());
         let mut columns = Self {
             layout,
@@ -168,10 +199,11 @@ impl Columns {
             instance: optional(names.instance),
             intensity: optional(names.intensity),
             cosine: optional(names.cosine),
+            color: color.try_into().ok(),
             left: Vec::new(),
         };
         let single = [columns.time, columns.instance, columns.intensity, columns.cosine].into_iter().flatten();
-        let triples = columns.position.into_iter().chain(columns.scanner.into_iter().flatten());
+        let triples = [Some(columns.position), columns.scanner, columns.color].into_iter().flatten().flatten();
         let taken: Vec<usize> = single.chain(triples).chain([columns.class]).collect();
         let properties = rows.header().properties.iter().enumerate();
         columns.left =
@@ -186,6 +218,10 @@ impl Columns {
 
     pub fn has_instances(&self) -> bool {
         self.instance.is_some()
+    }
+
+    pub fn has_colors(&self) -> bool {
+        self.color.is_some()
     }
 
     /// The class of an id of the file; `None` if the data set does not define the id.

@@ -1,6 +1,5 @@
 //! Reads the points of a cloud in blocks.
 
-use super::Layout;
 use super::layout::Columns;
 use super::text_points;
 use crate::error::{At, ImportError};
@@ -27,6 +26,8 @@ pub(super) struct CloudPoint {
     pub label: i64,
     /// Instance; 0 = none.
     pub instance: u32,
+    /// Red, green, blue; 0 if unknown.
+    pub color: [u8; 3],
 }
 
 impl CloudPoint {
@@ -44,6 +45,7 @@ impl CloudPoint {
             cosine: columns.cosine.map_or(f32::NAN, |at| value(at) as f32),
             label: integer(value(columns.class)),
             instance: columns.instance.map_or(0, |at| u32::try_from(integer(value(at))).unwrap_or(0)),
+            color: columns.color.map_or([0; 3], |color| triple(color).map(|value| value as u8)),
         }
     }
 
@@ -60,7 +62,7 @@ pub(super) fn each_point(
     columns: &Columns,
     mut take: impl FnMut(&CloudPoint) -> Result<(), ImportError>,
 ) -> Result<(), ImportError> {
-    if columns.layout == Layout::Street3d {
+    if columns.layout.is_text() {
         return text_points::each_row(file, |values| take(&CloudPoint::from_row(columns, values)));
     }
     let rows = PlyRows::open(file).at(file)?;

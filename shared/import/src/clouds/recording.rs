@@ -6,17 +6,26 @@ use super::tile_files::TilePoint;
 use crate::error::{At, ImportError};
 use messages::pod::bytes_from_rows;
 use messages::{
-    ByteTable, CLASS_TABLE_VERSION, ClassHeader, ClassRow, ClassTopic, Envelope, InstanceHeader, InstanceTopic,
-    Message, NoHeader, PoseRow, StampedPose, SubmapHeader, SubmapPoint, SubmapTopic, TickRow, TrajectoryTopic,
+    ByteTable, CLASS_TABLE_VERSION, ClassHeader, ClassRow, ClassTopic, ColorHeader, ColorRow, ColorTopic, Envelope,
+    InstanceHeader, InstanceTopic, Message, NoHeader, PoseRow, StampedPose, SubmapHeader, SubmapPoint, SubmapTopic,
+    TickRow, TrajectoryTopic,
 };
 use recording::RecordingWriter;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
+/// Camera of colored points: the clouds do not say which one saw them.
+const CAMERA: u8 = 0;
 /// Pause between two files of a data set, ns.
 const PAUSE_NANOS: i64 = 1_000_000_000;
 
-/// A recording of submaps with their truth.
+/// What all clouds have besides positions and classes.
+pub(super) struct Given {
+    pub instances: bool,
+    pub colors: bool,
+}
+
+/// A recording of submaps with their truth and their colors.
 pub(super) struct SubmapRecording {
     path: PathBuf,
     writer: RecordingWriter,
@@ -35,13 +44,17 @@ pub(super) struct SubmapRecording {
 }
 
 impl SubmapRecording {
-    pub fn create(path: &Path, about: &BTreeMap<String, String>, has_instances: bool) -> Result<Self, ImportError> {
+    pub fn create(path: &Path, about: &BTreeMap<String, String>, given: &Given) -> Result<Self, ImportError> {
         let mut tables =
             vec![ByteTable::of::<SubmapTopic>(), ByteTable::of::<TrajectoryTopic>(), ByteTable::of::<ClassTopic>()];
         let mut topics = vec![SubmapTopic::TOPIC, TrajectoryTopic::TOPIC, ClassTopic::TOPIC];
-        if has_instances {
+        if given.instances {
             tables.push(ByteTable::of::<InstanceTopic>());
             topics.push(InstanceTopic::TOPIC);
+        }
+        if given.colors {
+            tables.push(ByteTable::of::<ColorTopic>());
+            topics.push(ColorTopic::TOPIC);
         }
         Ok(Self {
             path: path.to_owned(),
@@ -80,6 +93,15 @@ impl SubmapRecording {
             let n_points = instances.iter().filter(|id| **id != 0).count() as u32;
             let header_of_ids = InstanceHeader { n_instances: ids.len() as u32, n_points };
             self.message::<InstanceTopic>(seq, header.stamp_begin, header.stamp_end, &header_of_ids, &instances)?;
+        }
+        if self.n_messages.contains_key(ColorTopic::TOPIC) {
+            let row = |found: &TilePoint| {
+                let [r, g, b] = found.color;
+                ColorRow { r, g, b, camera: CAMERA }
+            };
+            let colors: Vec<ColorRow> = points.iter().map(row).collect();
+            let header_of_colors = ColorHeader { n_seen: colors.len() as u64 };
+            self.message::<ColorTopic>(seq, header.stamp_begin, header.stamp_end, &header_of_colors, &colors)?;
         }
         if is_new {
             let poses: Vec<StampedPose> = of_tile.flat_map(|sweep| poses_of(sweeps, sweep)).collect();

@@ -2,6 +2,8 @@
 
 use crate::error::{At, ImportError};
 use files::regular_file;
+use flate2::read::MultiGzDecoder;
+use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
@@ -20,7 +22,7 @@ pub(super) fn each_row(
     file: &Path,
     mut take: impl FnMut(&[f64]) -> Result<(), ImportError>,
 ) -> Result<(), ImportError> {
-    let mut reader = BufReader::with_capacity(1 << 20, regular_file::open(file).at(file)?);
+    let mut reader = BufReader::with_capacity(1 << 20, plain(file, regular_file::open(file).at(file)?));
     let mut line = Vec::new();
     let mut values = Vec::new();
     let mut n_values = 0;
@@ -51,6 +53,12 @@ pub(super) fn each_row(
         n_values = values.len();
         take(&values)?;
     }
+}
+
+/// The text of a file, which may be compressed by gzip.
+fn plain(file: &Path, content: File) -> Box<dyn Read> {
+    let is_compressed = file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("gz"));
+    if is_compressed { Box::new(MultiGzDecoder::new(content)) } else { Box::new(content) }
 }
 
 /// Reads up to the first word that is not a number. `false` if there is such a word.

@@ -14,14 +14,15 @@ use std::path::PathBuf;
 const MAX_POINTS: usize = 1 << 22;
 /// Maximum number of bytes of points that wait to be written to their files.
 const MAX_WAITING: usize = 1 << 26;
-/// Bytes of a point, its class and its instance.
+/// Bytes of a point, its class, color and instance.
 const ROW_BYTES: usize = size_of::<SubmapPoint>() + 8;
 
-/// A point with its truth.
+/// A point with its truth and its color.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TilePoint {
     pub point: SubmapPoint,
     pub class: u8,
+    pub color: [u8; 3],
     pub instance: u32,
 }
 
@@ -47,10 +48,12 @@ impl TileFiles {
     }
 
     /// Adds a point to a tile.
-    pub fn add(&mut self, tile: usize, point: &SubmapPoint, class: u8, instance: u32) -> Result<(), ImportError> {
+    pub fn add(&mut self, tile: usize, added: &TilePoint) -> Result<(), ImportError> {
+        let TilePoint { point, class, color, instance } = added;
         let waiting = self.waiting.entry(tile).or_default();
         waiting.extend_from_slice(bytes_from_rows(std::slice::from_ref(point)));
-        waiting.extend(u32::from(class).to_le_bytes());
+        waiting.push(*class);
+        waiting.extend(color);
         waiting.extend(instance.to_le_bytes());
         self.n_waiting += ROW_BYTES;
         if self.n_waiting >= MAX_WAITING { self.write() } else { Ok(()) }
@@ -97,9 +100,9 @@ impl TileFiles {
 }
 
 fn tile_point(bytes: &[u8]) -> Option<TilePoint> {
-    let (point, truth) = bytes.split_at_checked(size_of::<SubmapPoint>())?;
+    let (point, rest) = bytes.split_at_checked(size_of::<SubmapPoint>())?;
     let point = *rows_from_bytes::<SubmapPoint>(point)?.first()?;
-    let (class, instance) = truth.split_first_chunk::<4>()?;
+    let ([class, color @ ..], instance) = rest.split_first_chunk::<4>()?;
     let instance = u32::from_le_bytes(*instance.first_chunk()?);
-    Some(TilePoint { point, class: class[0], instance })
+    Some(TilePoint { point, class: *class, color: *color, instance })
 }

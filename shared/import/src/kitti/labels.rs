@@ -26,7 +26,7 @@ pub(crate) fn conversions(place: &Path, folder: &Path, sweeps: &KittiSweeps) -> 
         conversions.push(Conversion {
             place: place.join(format!("{seq:06}.label")),
             originals: vec![labels.clone()],
-            bytes: Box::new(move || converted(&sweep, &labels)),
+            content: Box::new(move || Ok(converted(&sweep, &labels)?.into())),
         });
     }
     if conversions.is_empty() {

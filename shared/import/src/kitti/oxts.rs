@@ -6,7 +6,7 @@ use crate::numbered::Stamps;
 use drive::imu::ImuSample;
 use files::text_file::read_text;
 use geometry::{Geodetic, Isometry3, Stamp, UnitQuaternion};
-use lidar::nmea::Fix;
+use lidar::nmea::{Fix, StatedDeviation};
 use std::path::Path;
 
 /// Largest record, bytes: thirty numbers have about 500.
@@ -73,6 +73,8 @@ pub(crate) fn read(folder: &Path, stamps: &Stamps) -> Result<UnitLog, ImportErro
             hdop: None,
             satellites: record[26].clamp(0.0, 99.0) as u32,
             quality: quality(record[23], record[26]),
+            vdop: None,
+            deviation: (record[23] > 0.0).then_some(StatedDeviation { across_m: record[23], up_m: record[23] }),
         };
         let sample = ImuSample { stamp: Stamp(file.stamp), acceleration: [ax, ay, az], angular_rate: [wx, wy, wz] };
         // Roll about x, then pitch about y, then yaw about z; yaw 0 is east, as in the devkit's convertOxtsToPose.

@@ -3,6 +3,7 @@
 use crate::error::ImportError;
 use crate::las::each_block;
 use formats::cloud::{CloudPoint, FiredCloud, FiredPoint};
+use formats::cloud_fields::PointFlags;
 use formats::pcd::pcd_from_cloud;
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -18,6 +19,8 @@ const MAX_TIME_S: f64 = 9e9;
 pub(super) struct Chunks {
     files: Vec<PathBuf>,
     sweeps: Vec<Sweep>,
+    /// Flagged points of all chunks.
+    flags: PointFlags,
     /// Points of the chunks from which the last sweep was cut, by the index of their file: a sweep may begin in one chunk
     /// and end in the next.
     loaded: RefCell<BTreeMap<usize, Vec<(i64, CloudPoint)>>>,
@@ -38,8 +41,9 @@ impl Chunks {
     /// Reads the times of all points.
     pub fn scan(files: Vec<PathBuf>) -> Result<Self, ImportError> {
         let mut sweeps: BTreeMap<i64, Sweep> = BTreeMap::new();
+        let mut flags = PointFlags::default();
         for (index, path) in files.iter().enumerate() {
-            each_point(path, |nanos, _| {
+            let of_file = each_point(path, |nanos, _| {
                 let tenth = nanos.div_euclid(SWEEP_NANOS);
                 let new = || Sweep { stamp: nanos, n_points: 0, tenth, files: (index, index) };
                 let sweep = sweeps.entry(tenth).or_insert_with(new);
@@ -47,8 +51,13 @@ impl Chunks {
                 sweep.n_points += 1;
                 sweep.files.1 = index;
             })?;
+            flags = flags.plus(of_file);
         }
-        Ok(Self { files, sweeps: sweeps.into_values().collect(), loaded: RefCell::new(BTreeMap::new()) })
+        Ok(Self { files, sweeps: sweeps.into_values().collect(), flags, loaded: RefCell::new(BTreeMap::new()) })
+    }
+
+    pub fn flags(&self) -> PointFlags {
+        self.flags
     }
 
     pub fn sweeps(&self) -> &[Sweep] {
@@ -88,7 +97,7 @@ fn sorted(path: &Path) -> Result<Vec<(i64, CloudPoint)>, ImportError> {
 }
 
 /// Passes time, ns, and point to `take`.
-fn each_point(path: &Path, mut take: impl FnMut(i64, &CloudPoint)) -> Result<(), ImportError> {
+fn each_point(path: &Path, mut take: impl FnMut(i64, &CloudPoint)) -> Result<PointFlags, ImportError> {
     let mut index = 0_u64;
     each_block(path, |block| {
         for las_point in block {

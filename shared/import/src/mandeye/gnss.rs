@@ -105,6 +105,8 @@ impl GnssLog {
                     hdop: gga.hdop,
                     satellites: gga.satellites,
                     quality: gga.quality,
+                    vdop: None,
+                    deviation: None,
                 })?;
                 self.epoch = gga.time_nanos.filter(|_| is_taken);
             }
@@ -116,7 +118,7 @@ impl GnssLog {
                 }
                 self.rmc = Some(rmc);
             }
-            Sentence::Rmc(_) | Sentence::Zda(_) | Sentence::Other => {}
+            Sentence::Rmc(_) | Sentence::Zda(_) | Sentence::Gst(_) | Sentence::Gsa(_) | Sentence::Other => {}
         }
         Ok(())
     }
@@ -157,6 +159,8 @@ impl GnssLog {
             hdop: Some(hdop).filter(|hdop| hdop.is_finite()),
             satellites,
             quality,
+            vdop: None,
+            deviation: None,
         })?;
         Ok(())
     }

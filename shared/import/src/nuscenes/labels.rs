@@ -69,7 +69,7 @@ pub(super) fn add(plan: &mut Plan, source: &Path, tables: &Path, frames: Vec<Key
         plan.conversions.push(Conversion {
             place: Path::new(LABELS).join(format!("{:06}.label", frame.seq)),
             originals,
-            bytes: Box::new(move || bytes(&frame.sweep, points.as_deref(), &classes, &boxes)),
+            content: Box::new(move || Ok(bytes(&frame.sweep, points.as_deref(), &classes, &boxes)?.into())),
         });
         n_files += 1;
     }

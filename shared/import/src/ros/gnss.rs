@@ -3,7 +3,9 @@
 use super::messages::NavSatFix;
 use files::regular_file;
 use geometry::Stamp;
-use lidar::nmea::{Fix, fixes, gga_from_fix, gga_without_fix, is_null_island, rmc_from_fix, rmc_without_fix};
+use lidar::nmea::{
+    Fix, fixes, gga_from_fix, gga_without_fix, gst_from_fix, is_null_island, rmc_from_fix, rmc_without_fix,
+};
 use std::fs::File;
 use std::io::{self, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
@@ -68,7 +70,7 @@ impl Gnss {
 }
 
 /// The sentences of a fix, and whether it has a position.
-pub(crate) fn fix_lines(stamp: i64, message: &NavSatFix) -> Result<([String; 2], bool), String> {
+pub(crate) fn fix_lines(stamp: i64, message: &NavSatFix) -> Result<(Vec<String>, bool), String> {
     let stamp = Stamp(stamp);
     let quality = match message.status {
         0 => 1,
@@ -78,7 +80,7 @@ pub(crate) fn fix_lines(stamp: i64, message: &NavSatFix) -> Result<([String; 2],
     };
     let [latitude, longitude] = message.position_deg;
     if quality == 0 || !latitude.is_finite() || !longitude.is_finite() || is_null_island(message.position_deg) {
-        return Ok(([gga_without_fix(stamp), rmc_without_fix(stamp)], false));
+        return Ok((vec![gga_without_fix(stamp), rmc_without_fix(stamp)], false));
     }
     if latitude.abs() > 90.0 || longitude.abs() > 180.0 {
         return Err(format!("position {latitude} {longitude} must be latitude -90 to 90 and longitude -180 to 180"));
@@ -92,8 +94,11 @@ pub(crate) fn fix_lines(stamp: i64, message: &NavSatFix) -> Result<([String; 2],
         hdop: None,
         satellites: 0,
         quality,
+        vdop: None,
+        deviation: message.deviation,
     };
-    Ok(([gga_from_fix(&fix, 0.0), rmc_from_fix(&fix)], true))
+    let deviations = gst_from_fix(&fix).into_iter();
+    Ok((deviations.chain([gga_from_fix(&fix, 0.0), rmc_from_fix(&fix)]).collect(), true))
 }
 
 #[cfg(test)]
@@ -104,7 +109,8 @@ mod tests {
     #[test]
     fn fix_at_null_island_is_an_epoch_without_position() {
         let header = || Header { stamp: 0, frame: String::new() };
-        let message = |position_deg| NavSatFix { header: header(), status: 0, position_deg, altitude_m: 0.0 };
+        let message =
+            |position_deg| NavSatFix { header: header(), status: 0, position_deg, altitude_m: 0.0, deviation: None };
         let has_position =
             |position_deg| fix_lines(1_700_000_000_000_000_000, &message(position_deg)).expect("is valid").1;
         assert!(!has_position([0.0, 0.0]));

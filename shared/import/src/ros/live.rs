@@ -139,7 +139,7 @@ impl LiveTopic {
             Kind::Fix => {
                 let fix = NavSatFix::read(c).map_err(fault)?;
                 let (lines, _) = fix_lines(self.stamp(&fix.header, received), &fix)?;
-                Ok(LiveData::Lines(lines.into()))
+                Ok(LiveData::Lines(lines))
             }
             Kind::Sentence => {
                 let text = sentence(c).map_err(fault)?;

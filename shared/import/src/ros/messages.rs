@@ -1,6 +1,7 @@
 //! Messages of ROS, limited to the imported parts.
 
 use super::cursor::{Cursor, MessageFault};
+use lidar::nmea::StatedDeviation;
 
 type Result<T> = std::result::Result<T, MessageFault>;
 
@@ -60,6 +61,8 @@ pub(crate) struct NavSatFix {
     pub position_deg: [f64; 2],
     /// Height above the ellipsoid, m; NaN if unknown.
     pub altitude_m: f64,
+    /// Standard deviations, if the covariance is known.
+    pub deviation: Option<StatedDeviation>,
 }
 
 impl NavSatFix {
@@ -68,7 +71,14 @@ impl NavSatFix {
         let status = c.u8("status.status")? as i8;
         c.u16("status.service")?;
         let position_deg = c.f64s("latitude and longitude")?;
-        Ok(Self { header, status, position_deg, altitude_m: c.f64("altitude")? })
+        let altitude_m = c.f64("altitude")?;
+        let covariance: [f64; 9] = c.f64s("position_covariance")?;
+        let is_known = c.u8("position_covariance_type")? != 0;
+        let across_m = f64::midpoint(covariance[0], covariance[4]).sqrt();
+        let up_m = covariance[8].sqrt();
+        let is_valid = is_known && [across_m, up_m].iter().all(|m| m.is_finite() && *m > 0.0);
+        let deviation = is_valid.then_some(StatedDeviation { across_m, up_m });
+        Ok(Self { header, status, position_deg, altitude_m, deviation })
     }
 }
 

@@ -3,9 +3,11 @@
 use crate::support::{error, folder, import_from, write_file};
 use messages::pod::rows_from_bytes;
 use messages::{
-    ClassId, ClassRow, Envelope, MAX_SWEEPS_PER_SUBMAP, Message, StampedPose, SubmapHeader, SubmapPoint, SubmapTopic,
+    ClassId, ClassRow, ColorRow, Envelope, MAX_SWEEPS_PER_SUBMAP, Message, StampedPose, SubmapHeader, SubmapPoint,
+    SubmapTopic,
 };
 use recording::TickReader;
+use std::io::Write;
 use std::path::Path;
 
 /// A street of 50 m along x: the ground, a wall at y = 8 m up to 6 m, a car. Position and kind of each point.
@@ -178,7 +180,7 @@ fn paris_carla_becomes_submaps_with_true_positions_and_classes() {
     for words in [
         "drive.mcap: 3 submaps (Paris-CARLA-3D)",
         "imported: positions of the scanner and times, as 100 sweeps of 0.1 s",
-        "not imported: columns index_frame, semantic_image, red, green, blue",
+        "not imported: columns index_frame, semantic_image",
         "points without a class: 0 (0.0 %)",
     ] {
         assert!(report.contains(words), "{words:?} is not in\n{report}");
@@ -214,6 +216,45 @@ fn paris_carla_becomes_submaps_with_true_positions_and_classes() {
         }
     }
     assert_eq!(n_of_car, 40 * 15);
+    let n_points: usize = tiles.iter().map(|tile| tile.points.len()).sum();
+    assert_eq!(colors(&import.out), vec![ColorRow { r: 1, g: 2, b: 3, camera: 0 }; n_points]);
+}
+
+/// All colors of a recording.
+fn colors(path: &Path) -> Vec<ColorRow> {
+    let mut reader = TickReader::open(path, &["color"]).expect("has colors");
+    let mut found = Vec::new();
+    while let Some(tick) = reader.next().expect("reads") {
+        tick.messages[0].iter().for_each(|message| found.extend(rows::<ColorRow>(&message.bytes, 8)));
+    }
+    found
+}
+
+#[test]
+fn colors_follow_their_points_and_are_left_out_if_a_file_has_none() {
+    let folder = folder();
+    let source = folder.path().join("Toronto");
+    let color_of = |p: [f64; 3]| [40, 7, (p[2] * 10.0).round() as u8];
+    write_file(&source.join("L001.ply"), toronto(Some(&color_of)));
+    let mut import = import_from(&source, &folder);
+    import.out = folder.path().join("toronto.mcap");
+    import.run().expect("imports");
+    let mut n_checked = 0;
+    let points = tiles(&import.out).into_iter().flat_map(|tile| {
+        let z = tile.header.odom_from_submap.translation[2] - TORONTO_M[2];
+        tile.points.into_iter().map(move |point| f64::from(point.z) + z)
+    });
+    for (z, color) in points.zip(colors(&import.out)) {
+        assert_eq!([color.r, color.g, color.b], color_of([0.0, 0.0, z]));
+        n_checked += 1;
+    }
+    assert_eq!(n_checked, street().len());
+
+    write_file(&source.join("L002.ply"), toronto(None));
+    import.out = folder.path().join("both.mcap");
+    let report = import.run().expect("imports").join("\n");
+    assert!(report.contains("not imported: colors, which only 1 of 2 files have"), "{report}");
+    assert!(TickReader::open(&import.out, &["color"]).is_err(), "no colors");
 }
 
 #[test]
@@ -297,14 +338,15 @@ fn paris_lille_is_read_in_both_forms() {
     assert_eq!(sorted(placed(&tiles(&import.out))), expected(ground, [0.0; 3]));
 }
 
-#[test]
-fn toronto_gets_positions_above_its_densest_ground() {
-    let folder = folder();
-    let utm = [627_285.0, 4_841_948.0, 140.0];
+/// Place of the street in map coordinates.
+const TORONTO_M: [f64; 3] = [627_285.0, 4_841_948.0, 140.0];
+
+/// The street as a cloud of Toronto-3D.
+fn toronto(color: Option<&dyn Fn([f64; 3]) -> [u8; 3]>) -> Vec<u8> {
     let mut rows = Vec::new();
     for (p, thing) in street() {
-        rows.extend((0..3).flat_map(|k| (p[k] + utm[k]).to_le_bytes()));
-        rows.extend([90, 90, 90]);
+        rows.extend((0..3).flat_map(|k| (p[k] + TORONTO_M[k]).to_le_bytes()));
+        rows.extend(color.into_iter().flat_map(|color| color(p)));
         let label = match thing {
             Thing::Ground => 1.0,
             Thing::Building => 4.0,
@@ -314,20 +356,24 @@ fn toronto_gets_positions_above_its_densest_ground() {
             rows.extend(value.to_le_bytes());
         }
     }
-    let list = [
-        properties("double", "x y z"),
-        properties("uchar", "red green blue"),
-        properties("float", "scalar_Intensity scalar_GPSTime scalar_ScanAngleRank scalar_Label"),
-    ];
+    let mut list = vec![properties("double", "x y z")];
+    list.extend(color.map(|_| properties("uchar", "red green blue")));
+    list.push(properties("float", "scalar_Intensity scalar_GPSTime scalar_ScanAngleRank scalar_Label"));
+    ply(&list.join("\n"), street().len(), &rows)
+}
+
+#[test]
+fn toronto_gets_positions_above_its_densest_ground() {
+    let folder = folder();
     let source = folder.path().join("Toronto_3D");
-    write_file(&source.join("L001.ply"), ply(&list.join("\n"), street().len(), &rows));
+    write_file(&source.join("L001.ply"), toronto(Some(&|_| [90; 3])));
     let mut import = import_from(&source, &folder);
     import.out = folder.path().join("toronto.mcap");
     let report = import.run().expect("imports").join("\n");
     assert!(report.contains("coordinates are reduced by 627000 4841000 m (x, y)"), "{report}");
     assert!(report.contains("are invented, 2 m above the ground"), "{report}");
     let found = tiles(&import.out);
-    let origin = [627_000.0 - utm[0], 4_841_000.0 - utm[1], -utm[2]];
+    let origin = [627_000.0 - TORONTO_M[0], 4_841_000.0 - TORONTO_M[1], -TORONTO_M[2]];
     assert_eq!(sorted(placed(&found)), expected(class_of, origin));
     for pose in found.iter().flat_map(|tile| &tile.poses) {
         let [_, y, z] = pose.odom_from_body.translation;
@@ -373,6 +419,44 @@ fn street3d_is_read_as_text_with_or_without_a_title() {
     import.out = folder.path().join("drive.mcap");
     let refused = error(&import);
     assert!(refused.contains("\"1.0 2.0 3.0\" must be 4 numbers, as in the previous lines"), "{refused}");
+}
+
+#[test]
+fn oakland_is_read_as_plain_or_compressed_text() {
+    let folder = folder();
+    let line = |(p, thing): ([f64; 3], Thing)| {
+        let label = match thing {
+            Thing::Building => 1400,
+            Thing::Car => 1501,
+            Thing::Ground => 1203,
+        };
+        format!("{:.4} {:.4} {:.4} {label} 2\n", p[0], p[1], p[2])
+    };
+    let text: String = street().into_iter().map(line).collect();
+    let plain = folder.path().join("block_1.xyz_label_conf");
+    write_file(&plain, &text);
+    let mut import = import_from(&plain, &folder);
+    import.out = folder.path().join("a.mcap");
+    import.run().expect("imports");
+    let road = |thing: Thing| if thing == Thing::Ground { ClassId::Road } else { class_of(thing) };
+    let found = sorted(placed(&tiles(&import.out)));
+    for (found, expected) in found.iter().zip(expected(road, [0.0; 3])) {
+        assert!((0..3).all(|k| found[k].abs_diff(expected[k]) <= 1) && found[3] == expected[3]);
+    }
+    let compressed = folder.path().join("gz/block_1.xyz_label_conf.gz");
+    let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+    encoder.write_all(text.as_bytes()).expect("compresses");
+    let bytes = encoder.finish().expect("compresses");
+    write_file(&compressed, &bytes);
+    import.source = folder.path().join("gz");
+    import.out = folder.path().join("b.mcap");
+    import.run().expect("imports");
+    assert_eq!(sorted(placed(&tiles(&import.out))), found);
+
+    write_file(&compressed, &bytes[..bytes.len() / 2]);
+    import.out = folder.path().join("c.mcap");
+    let refused = error(&import);
+    assert!(refused.contains("block_1.xyz_label_conf.gz"), "{refused}");
 }
 
 #[test]

@@ -16,6 +16,25 @@ fn rows_with_ring() -> Vec<u8> {
 }
 
 #[test]
+fn folders_of_recordings_without_their_metadata_name_the_next_step() {
+    for (names, words) in [
+        (vec!["a.mcap"], ["1 *.mcap", "a.mcap, or write metadata.yaml with `ros2 bag reindex`"]),
+        (vec!["a_0.db3"], ["1 *.db3", "a_0.db3, or write metadata.yaml"]),
+        (vec!["a_0.mcap", "a_1.mcap"], ["2 *.mcap", "whether they are parts of one recording"]),
+        (vec!["a.bag"], ["1 *.bag", "is not a bag of ROS 1"]),
+        (vec!["a.pcap", "b.pcap"], ["2 *.pcap", "captures need no import; set run.drive = "]),
+    ] {
+        let folder = folder();
+        let source = folder.path().join("recording");
+        for name in names {
+            write_file(&source.join(name), "?");
+        }
+        let error = error(&import_from(&source, &folder));
+        assert!(words.iter().all(|word| error.contains(word)) && !error.contains("no known layout"), "{error}");
+    }
+}
+
+#[test]
 fn kitti_raw_folder_becomes_drive_of_links_and_lists_what_is_left_out() {
     let folder = folder();
     let raw = folder.path().join("day/raw");
@@ -142,7 +161,7 @@ fn bare_sweeps_report_the_assumed_model() {
     assert!(report.iter().any(|line| line.contains("hdl64e is assumed")), "{report:?}");
 }
 
-#[real_data::test("nuscenes", "kitti00", "kitti_raw_0048")]
+#[real_data::test("nuscenes/*.pcd.bin", "kitti00/*.bin", "kitti_raw_0048/*.pcd")]
 fn real_folders_are_recognized() {
     for (name, kind, n) in [
         ("nuscenes", "1 sweep of hdl32e (nuScenes)", 1),

@@ -14,7 +14,13 @@ pub type Row = ([f64; 3], u16, f64);
 /// A file of point format 1 with a scale of 0.1 mm.
 pub fn las(rows: &[Row], is_compressed: bool) -> Vec<u8> {
     let items = LazItemRecordBuilder::default_for_point_format_id(1, 0).expect("is a format");
-    file(1, rows, is_compressed.then(|| LazVlr::from_laz_items(items)))
+    file(1, rows, is_compressed.then(|| LazVlr::from_laz_items(items)), &|_| [0; 2])
+}
+
+/// A file with these bytes 15 and 16 of each point, by its index: point format 1, or the layered point format 6.
+pub fn classified(format: u8, rows: &[Row], bytes: &dyn Fn(usize) -> [u8; 2]) -> Vec<u8> {
+    let items = || LazItemRecordBuilder::default_for_point_format_id(format, 2).expect("is a format");
+    file(format, rows, (format > 5).then(|| LazVlr::from_laz_items(items())), bytes)
 }
 
 /// A file of point format 6 or above, compressed in layers. `chunk`: points of each chunk; `None` for chunks of different
@@ -26,10 +32,10 @@ pub fn layered_laz(format: u8, rows: &[Row], chunk: Option<u32>) -> Vec<u8> {
         Some(size) => vlr.with_fixed_chunk_size(size),
         None => vlr.with_variable_chunk_size(),
     };
-    file(format, rows, Some(vlr.build()))
+    file(format, rows, Some(vlr.build()), &|_| [0; 2])
 }
 
-fn file(format: u8, rows: &[Row], vlr: Option<LazVlr>) -> Vec<u8> {
+fn file(format: u8, rows: &[Row], vlr: Option<LazVlr>, class_bytes: &dyn Fn(usize) -> [u8; 2]) -> Vec<u8> {
     let record_bytes = vlr.as_ref().map_or(RECORD_BYTES, |vlr| vlr.items_size() as usize);
     let time_at = if format > 5 { 22 } else { 20 };
     let mut records = Vec::new();
@@ -39,6 +45,7 @@ fn file(format: u8, rows: &[Row], vlr: Option<LazVlr>) -> Vec<u8> {
             record[4 * axis..4 * axis + 4].copy_from_slice(&((value / 1e-4).round() as i32).to_le_bytes());
         }
         record[12..14].copy_from_slice(&intensity.to_le_bytes());
+        record[15..17].copy_from_slice(&class_bytes(index));
         record[time_at..time_at + 8].copy_from_slice(&time_s.to_le_bytes());
         // Colors and extra bytes that change.
         record[time_at + 8..].fill(index as u8);

@@ -16,3 +16,4 @@ mod ros_damage;
 mod ros_limits;
 mod ros_real;
 mod support;
+mod trajectory;

@@ -384,6 +384,50 @@ fn times_and_rings_of_ply_and_las_sweeps_are_carried_over() {
     assert!(error.contains("1583836591182590976.las: 90 % of its points were measured over"), "{error}");
 }
 
+/// Withheld points are deleted points that a program left in the file.
+#[test]
+fn withheld_points_of_las_are_left_out_and_noise_is_counted() {
+    let folder = folder();
+    let row = |([x, y, z], _, time_s): ([f32; 3], u8, f64)| ([x, y, z].map(f64::from), 100, time_s + 300_000.0);
+    let rows: Vec<las_file::Row> = fired().into_iter().map(row).collect();
+    let n = rows.len();
+    // Every fourth point is withheld, of class 2 with bit 7, or with bit 2 of the flags; the point after it is noise.
+    let short = |index: usize| [[0x82_u8, 0], [7, 0], [2, 0], [18, 0]][index % 4];
+    let long = |index: usize| [[0x04_u8, 2], [0, 18], [0x0b, 2], [0, 7]][index % 4];
+    let n_of = |part: usize| (0..n).filter(|index| index % 4 == part).count();
+    let n_noise = n_of(1) + n_of(3);
+    for (format, name, bytes) in [(1, "short", &short as &dyn Fn(usize) -> [u8; 2]), (6, "long", &long)] {
+        let source = folder.path().join(name);
+        write_file(&source.join("1583836591182590976.laz"), las_file::classified(format, &rows, bytes));
+        let mut import = import_from(&source, &folder);
+        import.out = folder.path().join(format!("{name}.drive"));
+        let (report, drive) = imported(&import);
+        let withheld = format!("{} of {n} points are flagged as withheld and left out", n_of(0));
+        let noise = format!("{n_noise} of {n} points are classified as noise (7 or 18); they are kept as returns");
+        assert!(report.contains(&withheld) && report.contains(&noise), "{report:?}");
+        assert_eq!(first_sweep(&drive).1.len(), n - n_of(0), "{name}");
+    }
+}
+
+#[test]
+fn viewpoint_of_pcd_that_is_not_the_identity_is_named_with_its_value() {
+    let folder = folder();
+    let source = sweeps(&folder, &["1583836591.182590976", "1583836591.282590976"]);
+    let import = import_from(&source, &folder);
+    assert!(imported(&import).0.iter().all(|line| !line.contains("VIEWPOINT")));
+    let second = source.join("1583836591.282590976.pcd");
+    let bytes = std::fs::read(&second).expect("reads");
+    let at = bytes.windows(23).position(|word| word == b"VIEWPOINT 0 0 0 1 0 0 0").expect("is there");
+    let moved = [&bytes[..at], b"VIEWPOINT 4 0 1.5 1 0 0 0", &bytes[at + 23..]].concat();
+    write_file(&second, moved);
+    std::fs::remove_dir_all(&import.out).expect("removes");
+    let (report, drive) = imported(&import);
+    let is_named = |line: &String| line.starts_with("VIEWPOINT 4 0 1.5 1 0 0 0 is not applied");
+    assert!(report.iter().any(is_named), "{report:?}");
+    let source = drive.sweeps().expect("opens");
+    assert!(source.form().expect("has a form").changes().iter().any(is_named), "a run says it as well");
+}
+
 #[test]
 fn damaged_plain_folders_are_refused_with_file_and_rule() {
     for (file, text, rule) in [
@@ -420,7 +464,7 @@ fn damaged_plain_folders_are_refused_with_file_and_rule() {
 }
 
 /// Real sweeps under names with stamps.
-#[real_data::test("kitti_raw_0048")]
+#[real_data::test("kitti_raw_0048/*.pcd")]
 fn real_sweeps_with_stamps_in_their_names_are_imported() {
     let folder = folder();
     let source = folder.path().join("recording");

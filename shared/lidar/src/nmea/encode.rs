@@ -2,7 +2,7 @@
 
 use super::line::{Content, content};
 use super::sentence::{Checked, Sentence};
-use super::{Fix, KNOT_MPS, checksum};
+use super::{Fix, KNOT_MPS, StatedDeviation, checksum};
 use files::calendar::{DAY_NANOS, date_from_days};
 use geometry::Stamp;
 
@@ -33,12 +33,18 @@ pub fn rmc_from_fix(fix: &Fix) -> String {
     sealed(&format!("GPRMC,{time},A,{position},{knots},{course},{date},,,A"))
 }
 
+/// The standard deviations of the fix as `$GPGST` without line end; `None` without them. It precedes the other sentences of the fix.
+pub fn gst_from_fix(fix: &Fix) -> Option<String> {
+    let StatedDeviation { across_m, up_m } = fix.deviation?;
+    Some(sealed(&format!("GPGST,{},,,,,{across_m:.3},{across_m:.3},{up_m:.3}", time(fix.stamp))))
+}
+
 /// An epoch without position as `$GPRMC`: status V with time and date.
 pub fn rmc_without_fix(stamp: Stamp) -> String {
     sealed(&format!("GPRMC,{},V,,,,,,,{},,,N", time(stamp), date(stamp)))
 }
 
-/// A line with the time of its GGA, RMC and ZDA sentences, and the dates of the latter two, moved by `nanos`, rounded to milliseconds;
+/// A line with the time of its GGA, RMC, ZDA and GST sentences, and the dates of RMC and ZDA, moved by `nanos`, rounded to milliseconds;
 /// everything else is unchanged.
 pub fn restamped(line: &str, nanos: i64) -> String {
     let Content::Sentences(found) = content(line.as_bytes()) else { return line.to_owned() };
@@ -63,7 +69,8 @@ fn restamped_sentence(text: &str, checked: &Checked, nanos: i64) -> Option<Strin
         Sentence::Gga(gga) => (Stamp(gga.time_nanos?), None),
         Sentence::Rmc(rmc) => (rmc.stamp?, Some(9)),
         Sentence::Zda(zda) => (zda.stamp?, Some(2)),
-        Sentence::Other => return None,
+        Sentence::Gst(gst) => (Stamp(gst.time_nanos?), None),
+        Sentence::Gsa(_) | Sentence::Other => return None,
     };
     let stamp = stamp.plus_nanos(nanos);
     let mut fields: Vec<String> = body.split(',').map(str::to_owned).collect();
@@ -137,6 +144,8 @@ mod tests {
         // A tag block stays, and a sentence without checksum gets none.
         let tagged = "\\c:1*58\\$GPZDA,235959.00,31,12,2023,00,00\r\n";
         assert_eq!(restamped(tagged, 1_000_000_000), "\\c:1*58\\$GPZDA,000000.000,01,01,2024,00,00\r\n");
+        let gst = sealed("GPGST,235959.0,,,,,1.0,1.0,2.0");
+        assert_eq!(restamped(&gst, 1_000_000_000), sealed("GPGST,000000.000,,,,,1.0,1.0,2.0"));
         for line in ["$GPGSV,1,1,00*79\n", "noise", "$GPGGA,,,,,,0,,,,,,,,*66", ""] {
             assert_eq!(restamped(line, 5), line);
         }

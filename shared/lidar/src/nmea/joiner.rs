@@ -1,13 +1,17 @@
 //! Joins GGA and RMC sentences of the same epoch to fixes.
 
 use super::line::{Content, content};
-use super::{Fix, Gga, LogStats, Rmc, Sentence, Zda, is_null_island};
+use super::{Fix, Gga, Gsa, Gst, LogStats, Rmc, Sentence, StatedDeviation, Zda, is_null_island};
 use files::calendar::DAY_NANOS;
 use geometry::Stamp;
 use serde::{Deserialize, Serialize};
 
 /// Metres per degree on a sphere of the Earth's mean radius.
 const METRES_PER_DEGREE: f64 = 111_195.0;
+
+/// GST and GSA describe fixes up to this time apart, ns. Receivers send them after the fix, so they count for the next fix: they
+/// change slowly.
+const STATED_NANOS: i64 = 2_000_000_000;
 
 /// Joins the sentences of one epoch, line by line.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -21,8 +25,17 @@ pub struct FixJoiner {
     last_position_deg: Option<[f64; 2]>,
     /// Height of the geoid for sentences without it.
     geoid_m: Option<f64>,
+    gst: Option<Gst>,
+    gsa: Option<TimedGsa>,
     n_lines: u64,
     stats: LogStats,
+}
+
+/// GSA with the fix before it: it has no time.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct TimedGsa {
+    vdop: f64,
+    after: Stamp,
 }
 
 impl FixJoiner {
@@ -58,7 +71,7 @@ impl FixJoiner {
                 for found in found {
                     match found.parsed {
                         Ok(checked) => {
-                            let is_used = checked.sentence != Sentence::Other;
+                            let is_used = checked.sentence.has_time_or_position();
                             self.stats.without_checksum += u64::from(is_used && !checked.has_checksum);
                             // A line with a lost end completes at most one fix in practice; the first one is kept.
                             fix = fix.or(self.sentence(checked.sentence));
@@ -87,7 +100,8 @@ impl FixJoiner {
     }
 
     fn sentence(&mut self, sentence: Sentence) -> Option<Fix> {
-        self.stats.sentences += u64::from(sentence != Sentence::Other);
+        self.stats.sentences += u64::from(sentence.has_time_or_position());
+        self.stats.other_sentences += u64::from(!sentence.has_time_or_position());
         match sentence {
             Sentence::Gga(gga) => self.gga(gga),
             Sentence::Rmc(rmc) => self.rmc(rmc),
@@ -95,10 +109,15 @@ impl FixJoiner {
                 self.reference = stamp.or(self.reference);
                 None
             }
-            Sentence::Other => {
-                self.stats.other_sentences += 1;
+            Sentence::Gst(gst) => {
+                self.gst = Some(gst);
                 None
             }
+            Sentence::Gsa(Gsa { vdop }) => {
+                self.gsa = vdop.zip(self.last).map(|(vdop, after)| TimedGsa { vdop, after });
+                None
+            }
+            Sentence::Other => None,
         }
     }
 
@@ -194,6 +213,8 @@ impl FixJoiner {
             return None;
         }
         self.last = Some(stamp);
+        let vdop = self.gsa.filter(|gsa| stamp.0 - gsa.after.0 <= STATED_NANOS).map(|gsa| gsa.vdop);
+        let deviation = self.gst.and_then(|gst| stated(&gst, stamp));
         self.last_position_deg = Some(position_deg);
         let height_m = gga.and_then(|gga| gga.height_m);
         let geoid_m = gga.and_then(|gga| gga.geoid_m).or(self.geoid_m);
@@ -207,6 +228,8 @@ impl FixJoiner {
             hdop: gga.and_then(|gga| gga.hdop),
             satellites: gga.map_or(0, |gga| gga.satellites),
             quality: gga.map_or(1, |gga| gga.quality),
+            vdop,
+            deviation,
         })
     }
 
@@ -216,4 +239,10 @@ impl FixJoiner {
         let ahead = (time_nanos - near.0).rem_euclid(DAY_NANOS);
         Some(near.plus_nanos(if ahead > DAY_NANOS / 2 { ahead - DAY_NANOS } else { ahead }))
     }
+}
+
+/// The deviations of a GST sentence for a fix.
+fn stated(gst: &Gst, stamp: Stamp) -> Option<StatedDeviation> {
+    let apart = (stamp.0 - gst.time_nanos?).rem_euclid(DAY_NANOS);
+    gst.deviation.filter(|_| apart.min(DAY_NANOS - apart) <= STATED_NANOS)
 }

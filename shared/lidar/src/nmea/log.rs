@@ -1,7 +1,9 @@
 //! The fixes of a log, and what was left out.
 
+use super::alternation::{Alternation, alternation};
 use super::line::{decoded, lines};
-use super::{FixJoiner, Rmc, Sentence, sentence};
+use super::ubx::accuracies;
+use super::{FixJoiner, Rmc, Sentence, StatedDeviation, sentence};
 use geometry::Stamp;
 use serde::{Deserialize, Serialize};
 
@@ -24,6 +26,10 @@ pub struct Fix {
     pub satellites: u32,
     /// GGA quality: 1 single, 2 differential, 4 fixed, 5 float.
     pub quality: u32,
+    /// Vertical dilution of precision, from GSA.
+    pub vdop: Option<f64>,
+    /// Standard deviations from GST or UBX-NAV-PVT.
+    pub deviation: Option<StatedDeviation>,
 }
 
 /// Counters of a log.
@@ -31,7 +37,7 @@ pub struct Fix {
 pub struct LogStats {
     /// GGA, RMC and ZDA sentences.
     pub sentences: u64,
-    /// Sentences of other types, which are not used.
+    /// Sentences of other types. Only GST and GSA are used.
     pub other_sentences: u64,
     /// Lines that are not sentences, are damaged or have impossible values.
     pub bad_lines: u64,
@@ -53,7 +59,9 @@ pub struct LogStats {
     pub repeated: u64,
     /// GGA sentences that contradict another one of their epoch by more than [`FixJoiner::MAX_APART_M`]: of a second receiver.
     pub conflicting: u64,
-    /// Largest distance of such positions, mm.
+    /// Fixes to one side of the fixes before and after them: of a second receiver with other epochs.
+    pub alternating: u64,
+    /// Largest distance of positions of two receivers, mm.
     pub apart_mm: u64,
 }
 
@@ -79,7 +87,7 @@ impl LogStats {
     }
 }
 
-/// All fixes of a log, sorted by time. Fixes before the first date have the date that makes them the nearest.
+/// All fixes of a log, sorted by time, with the deviations of UBX-NAV-PVT messages of the same time. Fixes before the first date have the date that makes them the nearest.
 pub fn fixes(log: &[u8]) -> (Vec<Fix>, LogStats) {
     fixes_above_geoid(log, None)
 }
@@ -91,7 +99,13 @@ pub fn fixes_above_geoid(log: &[u8], geoid_m: Option<f64>) -> (Vec<Fix>, LogStat
     let mut joiner = joiner.above_geoid(geoid_m);
     let mut fixes: Vec<Fix> = lines(&log).filter_map(|line| joiner.take_line(line.text, line.number)).collect();
     fixes.extend(joiner.finish());
-    (fixes, joiner.stats())
+    accuracies(&log, &mut fixes);
+    let mut stats = joiner.stats();
+    if let Some(Alternation { n_fixes, apart_m }) = alternation(&fixes) {
+        stats.alternating = n_fixes;
+        stats.apart_mm = stats.apart_mm.max((apart_m * 1000.0) as u64);
+    }
+    (fixes, stats)
 }
 
 /// The first date of a position; without one, of ZDA.
@@ -110,7 +124,7 @@ fn first_date(log: &[u8]) -> Option<Stamp> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::nmea::{gga_from_fix, gga_without_fix, rmc_from_fix, rmc_without_fix};
+    use crate::nmea::{gga_from_fix, gga_without_fix, gst_from_fix, rmc_from_fix, rmc_without_fix};
 
     fn fix(i: i64) -> Fix {
         Fix {
@@ -123,6 +137,8 @@ mod tests {
             hdop: Some(0.9),
             satellites: 9,
             quality: 2,
+            vdop: None,
+            deviation: None,
         }
     }
 
@@ -235,6 +251,21 @@ mod tests {
         assert_eq!((back.len(), stats.repeated, stats.conflicting), (10, 20, 10));
         assert!((11_000..11_300).contains(&stats.apart_mm), "{} mm", stats.apart_mm);
         back.iter().zip(0..).for_each(|(back, i)| assert_near(back, &fix(i)));
+    }
+
+    #[test]
+    fn deviations_precede_or_follow_their_fix_and_expire() {
+        let deviation = Some(StatedDeviation { across_m: 1.5, up_m: 2.5 });
+        let stated = Fix { deviation, ..fix(0) };
+        let gst = gst_from_fix(&stated).expect("has deviations");
+        // Epochs of half a second: the deviations are 2 s old at the fifth one.
+        let epochs = (0..8).flat_map(|i| [gga_from_fix(&fix(i), 44.6), rmc_from_fix(&fix(i))]);
+        let (back, stats) = fixes(&log([gst].into_iter().chain(epochs)));
+        let with: Vec<bool> = back.iter().map(|fix| fix.deviation.is_some()).collect();
+        assert_eq!(with, [true, true, true, true, true, false, false, false]);
+        let first = back[0].deviation.expect("is stated");
+        assert!((first.across_m - 1.5).abs() < 1e-9 && (first.up_m - 2.5).abs() < 1e-9, "{first:?}");
+        assert_eq!((stats.sentences, stats.other_sentences), (16, 1));
     }
 
     #[test]

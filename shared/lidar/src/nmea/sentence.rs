@@ -12,6 +12,10 @@ const MAX_HEIGHT_M: f64 = 20_000.0;
 /// Largest speed: 514 m/s, the limit of civil receivers.
 const MAX_SPEED_KNOTS: f64 = 1000.0;
 
+/// Largest standard deviation and dilution, in a sentence that is not damaged: receivers without a position state 10 000 km and 99.99.
+const MAX_DEVIATION_M: f64 = 1e7;
+const MAX_DILUTION: f64 = 1000.0;
+
 /// Error of a line that is not a valid sentence.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 pub enum NmeaError {
@@ -29,7 +33,7 @@ pub enum NmeaError {
     /// The sentence has no checksum and fewer fields than its type.
     #[error("{sentence} has no checksum and {n} fields; without checksum it must have {least}, or it is cut")]
     Cut {
-        /// GGA, RMC or ZDA.
+        /// GGA, RMC, ZDA, GST or GSA.
         sentence: &'static str,
         /// Fields after the name.
         n: usize,
@@ -59,8 +63,19 @@ pub enum Sentence {
     Rmc(Rmc),
     /// Date and time.
     Zda(Zda),
+    /// Standard deviations of the position.
+    Gst(Gst),
+    /// Dilutions of precision.
+    Gsa(Gsa),
     /// Any other sentence.
     Other,
+}
+
+impl Sentence {
+    /// Whether fixes and dates come from sentences of this type.
+    pub(super) const fn has_time_or_position(&self) -> bool {
+        matches!(self, Self::Gga(_) | Self::Rmc(_) | Self::Zda(_))
+    }
 }
 
 /// GGA sentence. Empty fields are `None`.
@@ -87,6 +102,31 @@ pub struct Gga {
 pub struct Zda {
     /// Date and time (UTC).
     pub stamp: Option<Stamp>,
+}
+
+/// GST sentence. Empty fields are `None`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Gst {
+    /// Time of day (UTC), ns since midnight.
+    pub time_nanos: Option<i64>,
+    /// Standard deviations, m.
+    pub deviation: Option<StatedDeviation>,
+}
+
+/// Standard deviations that a receiver states for its position, m.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StatedDeviation {
+    /// Standard deviation along one horizontal axis: the root mean square of both.
+    pub across_m: f64,
+    /// Standard deviation in height.
+    pub up_m: f64,
+}
+
+/// GSA sentence. Empty fields are `None`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Gsa {
+    /// Vertical dilution of precision.
+    pub vdop: Option<f64>,
 }
 
 /// RMC sentence. Empty fields are `None`.
@@ -140,6 +180,8 @@ pub(super) fn checked(text: &str) -> Result<Checked, NmeaError> {
         Some("GGA") => Sentence::Gga(gga(&fields("GGA", 14)?)?),
         Some("RMC") => Sentence::Rmc(rmc(&fields("RMC", 11)?)?),
         Some("ZDA") => Sentence::Zda(zda(&fields("ZDA", 6)?)?),
+        Some("GST") => Sentence::Gst(gst(&fields("GST", 8)?)?),
+        Some("GSA") => Sentence::Gsa(gsa(&fields("GSA", 17)?)?),
         _ => Sentence::Other,
     };
     Ok(Checked { sentence, has_checksum: sum.is_some() })
@@ -171,6 +213,24 @@ fn rmc(fields: &Fields<'_>) -> Result<Rmc, NmeaError> {
         speed_mps: fields.number(7, 0.0, MAX_SPEED_KNOTS)?.map(|knots| knots * KNOT_MPS),
         course_deg: fields.number(8, 0.0, 360.0)?,
     })
+}
+
+fn gst(fields: &Fields<'_>) -> Result<Gst, NmeaError> {
+    let deviation = |field| fields.number(field, 0.0, MAX_DEVIATION_M);
+    let [major, minor] = [deviation(3)?.unwrap_or_default(), deviation(4)?.unwrap_or_default()];
+    let deviation = match (deviation(6)?, deviation(7)?, deviation(8)?) {
+        (Some(north), Some(east), Some(up_m)) => {
+            // Some receivers state an ellipse that contradicts the axes; the larger one counts.
+            let across_m = north.hypot(east).max(major.hypot(minor)) / 2_f64.sqrt();
+            Some(StatedDeviation { across_m, up_m })
+        }
+        _ => None,
+    };
+    Ok(Gst { time_nanos: fields.time(1)?, deviation })
+}
+
+fn gsa(fields: &Fields<'_>) -> Result<Gsa, NmeaError> {
+    Ok(Gsa { vdop: fields.number(17, 0.0, MAX_DILUTION)? })
 }
 
 fn zda(fields: &Fields<'_>) -> Result<Zda, NmeaError> {

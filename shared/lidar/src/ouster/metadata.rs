@@ -37,6 +37,11 @@ const PTP: &str = "TIME_FROM_PTP_1588";
 /// Largest difference of TAI and UTC, s: 37 since 2017.
 const MAX_TAI_OFFSET_S: i64 = 100;
 
+/// Distance of the origin of the beams from the axis by product line, mm, in files without it.
+const BEAM_ORIGINS_MM: [(&str, f64); 3] = [("OS-0-", 27.67), ("OS-1-", 15.806), ("OS-2-", 13.762)];
+/// Largest distance of the origin of the beams from the axis, mm: the sensor has a radius of 60.
+const MAX_BEAM_ORIGIN_MM: f64 = 100.0;
+
 /// Smallest vertical field of view of a LiDAR with several beams, deg. Sensors have 22 and more.
 const MIN_FIELD_DEG: f64 = 1.0;
 /// Largest error of products of rows of a rotation, which files have with few digits.
@@ -101,7 +106,7 @@ impl Metadata {
         let to_m = |mm: f64| mm * 1e-3;
         let origin_m = match find(&root, "beam_to_lidar_transform").map(|_| matrix(&root, "beam_to_lidar_transform")) {
             Some(matrix) => matrix.map(|m| [m[3], m[11]].map(to_m))?,
-            None => [find(&root, "lidar_origin_to_beam_origin_mm").and_then(Value::as_f64).map_or(0.0, to_m), 0.0],
+            None => [to_m(beam_origin_mm(&root)?), 0.0],
         };
         let m = matrix(&root, "lidar_to_sensor_transform")?;
         let serial = find(&root, "prod_sn");
@@ -230,6 +235,19 @@ fn pair(found: &Value) -> Option<[u64; 2]> {
     values?.try_into().ok()
 }
 
+/// Distance of the origin of the beams from the axis, mm. Files of old firmware do not have it; Ouster's tools then use the
+/// value of the product line.
+fn beam_origin_mm(root: &Value) -> Result<f64, MetadataError> {
+    const KEY: &str = "lidar_origin_to_beam_origin_mm";
+    if let Some(found) = find(root, KEY) {
+        let number = found.as_f64().filter(|mm| (0.0..MAX_BEAM_ORIGIN_MM).contains(mm));
+        return number.ok_or_else(|| value_error(KEY, found, format!("a number from 0 to {MAX_BEAM_ORIGIN_MM}")));
+    }
+    let line = find(root, "prod_line").and_then(Value::as_str).unwrap_or_default();
+    let of_line = BEAM_ORIGINS_MM.into_iter().find(|(prefix, _)| line.starts_with(prefix));
+    of_line.map(|(_, mm)| mm).ok_or(MetadataError::Absent(KEY))
+}
+
 /// Columns of a revolution, and revolutions per second.
 fn mode(root: &Value) -> Result<(u64, f64), MetadataError> {
     let found = find(root, "lidar_mode").ok_or(MetadataError::Absent("lidar_mode"))?;
@@ -308,6 +326,26 @@ pub(super) mod tests {
         assert!(error("[0, 511]", "[0, 512]").starts_with("column_window is [0,512]; must be two columns below 512"));
         assert!(error("\"columns_per_packet\": 16", "\"columns_per_packet\": 99").contains("from 1 to 16"));
         assert!(error("[-1, 0, 0, 0,", "[-1,").contains("an array of 16 numbers"));
+    }
+
+    /// Files of old firmware, and files that someone has reduced.
+    #[test]
+    fn origin_of_the_beams_is_of_the_product_line_or_the_file_is_refused() {
+        let origin = |entry: &str| {
+            let text = TWO_BEAMS.replace(r#""lidar_origin_to_beam_origin_mm": 20"#, entry);
+            Metadata::from_json(&text).map(|metadata| metadata.origin_m).map_err(|error| error.to_string())
+        };
+        for (line, mm) in [("OS-0-128", 27.67), ("OS-1-64", 15.806), ("OS-2-32-U1", 13.762)] {
+            let [found_m, height_m] = origin(&format!(r#""prod_line": "{line}""#)).expect("reads");
+            assert!((found_m - mm * 1e-3).abs() < 1e-9 && height_m == 0.0, "{line}: {found_m}");
+        }
+        let error = origin(r#""x": 1"#).expect_err("is not known");
+        assert!(error.starts_with("has no entry lidar_origin_to_beam_origin_mm"), "{error}");
+        let error = origin(r#""lidar_origin_to_beam_origin_mm": "27""#).expect_err("is a text");
+        assert_eq!(error, "lidar_origin_to_beam_origin_mm is \"27\"; must be a number from 0 to 100");
+        let reduced = TWO_BEAMS.replace("lidar_to_sensor", "x");
+        let error = Metadata::from_json(&reduced).expect_err("has no mounting").to_string();
+        assert!(error.starts_with("has no entry lidar_to_sensor_transform"), "{error}");
     }
 
     #[test]

@@ -5,6 +5,7 @@
 
 use super::packet::{BLOCKS_PER_PACKET, DataPacket, LASERS_PER_BLOCK, MAX_RETURNS_PER_PACKET, ReturnMode};
 use super::{Laser, Model};
+use crate::field_of_view::SilentSector;
 use crate::{Blocks, Scratch, TURN, TurnTable, rings};
 use messages::SweepPoint;
 use std::ops::Range;
@@ -20,6 +21,8 @@ pub struct Decoder {
     firing_nanos: [u32; LASERS_PER_BLOCK],
     /// Firing time of each return as a fraction of the duration of a block; zero if azimuths are not interpolated.
     azimuth_shares: [f64; LASERS_PER_BLOCK],
+    /// Where the sensor is set to fire nothing. It fills a packet before the sector with blocks after it.
+    silent_sector: Option<SilentSector>,
 }
 
 /// Geometry of a laser, precomputed.
@@ -58,7 +61,13 @@ impl Decoder {
             range_unit_m: model.range_unit_m(),
             firing_nanos,
             azimuth_shares: firing_nanos.map(share),
+            silent_sector: None,
         }
+    }
+
+    /// The decoder of a stream in which the sensor fires nothing in a sector.
+    pub(crate) fn across(&self, sector: SilentSector) -> Self {
+        Self { silent_sector: Some(sector), ..self.clone() }
     }
 
     /// Model of the sensor.
@@ -93,11 +102,12 @@ impl Decoder {
         let step = self.azimuth_step(packet, slots);
         // Rounded to the nearest count, halves away from zero, like the viewer of the manufacturer.
         let steps = self.azimuth_shares.map(|share| (step * share).round() as u16);
+        let times = self.times(packet, slots);
         let is_dual = self.is_dual(packet);
         for index in blocks {
             let Some(block) = packet.block(index) else { continue };
             let first = if block.is_lower() && self.beams.len() > LASERS_PER_BLOCK { LASERS_PER_BLOCK } else { 0 };
-            let nanos = packet_nanos + i64::from(slots[index]) * i64::from(self.model.timing().block_nanos);
+            let nanos = packet_nanos + i64::from(times[index]);
             let twin = if is_dual && index % 2 == 1 { packet.block(index - 1) } else { None };
             let twin = twin.map_or(&[][..], |twin| twin.returns());
             self.decode_block(block.returns(), twin, &self.beams[first..], block.azimuth(), nanos, &steps, scratch);
@@ -166,10 +176,27 @@ impl Decoder {
         let slots = self.slots(packet);
         let block_nanos = self.model.timing().block_nanos;
         let mut blocks = Blocks::new(i64::from(self.n_slots(slots)) * i64::from(block_nanos), i64::from(block_nanos));
-        for (index, slot) in slots.into_iter().enumerate() {
-            blocks.push(i32::from(slot) * block_nanos as i32, packet.azimuth(index));
+        for (index, nanos) in self.times(packet, slots).into_iter().enumerate() {
+            blocks.push(nanos, packet.azimuth(index));
         }
         blocks
+    }
+
+    /// Firing times of the blocks, ns after the first one: a slot after the other, and after the time of the silent sector if
+    /// the packet spans it.
+    fn times(&self, packet: DataPacket<'_>, slots: [u8; BLOCKS_PER_PACKET]) -> [i32; BLOCKS_PER_PACKET] {
+        let block_nanos = self.model.timing().block_nanos as i32;
+        let mut times = slots.map(|slot| i32::from(slot) * block_nanos);
+        let Some(sector) = self.silent_sector else { return times };
+        for index in 1..BLOCKS_PER_PACKET {
+            let (Some(before), Some(block)) = (packet.azimuth(index - 1), packet.azimuth(index)) else { continue };
+            if let Some(nanos) = sector.nanos_across(before, block) {
+                let silent = nanos as i32 - (times[index] - times[index - 1]);
+                times[index..].iter_mut().for_each(|time| *time += silent.max(0));
+                break;
+            }
+        }
+        times
     }
 
     /// Number of time slots of a packet.

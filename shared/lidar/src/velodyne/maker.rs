@@ -4,6 +4,7 @@ use super::{
     DATA_PACKET_BYTES, DATA_PORT, DataPacket, Decoder, Laser, Model, POSITION_PORT, PositionPacket, lasers_from_file,
 };
 use crate::clock::Epoch;
+use crate::field_of_view::SilentSector;
 use crate::maker::{MAX_RETURNS_PER_PACKET, MakerDecoder, MakerModel, MakerUnit, Unit, is_same_unit};
 use crate::{Blocks, CalibrationError, ClockReference, Scratch};
 use std::ops::Range;
@@ -132,5 +133,9 @@ impl MakerDecoder for Decoder {
         if let Some(packet) = DataPacket::new(payload) {
             Decoder::decode(self, packet, blocks, packet_nanos, scratch);
         }
+    }
+
+    fn across(&self, sector: SilentSector) -> Option<Arc<dyn MakerDecoder>> {
+        Some(Arc::new(Decoder::across(self, sector)))
     }
 }

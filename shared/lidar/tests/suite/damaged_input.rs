@@ -131,6 +131,8 @@ fn damaged_sentences_do_not_panic() {
         hdop: Some(1.0),
         satellites: 9,
         quality: 1,
+        vdop: None,
+        deviation: None,
     };
     let log: String =
         (0..20).flat_map(|i| [gga_from_fix(&fix(i), 44.0), "\n".into(), rmc_from_fix(&fix(i)), "\n".into()]).collect();

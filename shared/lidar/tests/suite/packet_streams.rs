@@ -2,7 +2,7 @@
 
 use crate::support::{BEGIN, SENSOR, Sent, hdl32e_packets, open, sweeps, write_capture, write_capture_from};
 use lidar::pcap::Writer;
-use lidar::velodyne::{Model, PulseStatus, encode_position_packet};
+use lidar::velodyne::{Model, PulseStatus, RawBlock, RawReturn, encode_data_packet, encode_position_packet};
 use lidar::{LidarStats, SweepError, SweepInfo, SweepPoint, SweepReader};
 use random::Random;
 use std::net::{Ipv4Addr, SocketAddrV4};
@@ -364,6 +364,37 @@ fn sector_that_is_set_to_fire_nothing_is_not_lost() {
         assert_eq!(stats(false).lost_packets, 0, "{silent:?}");
         let found = stats(true).lost_packets as i64;
         assert!((found - n_lost).abs() <= 6, "{silent:?}: {found} of {n_lost}");
+    }
+}
+
+/// The sensor fills a packet that it began before the sector with blocks after it.
+#[test]
+fn blocks_after_a_silent_sector_have_the_times_of_their_encoder_angles() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let turned = |nanos: f64| (nanos * 1e-9 * 10.0).fract() * 36_000.0;
+    for silent in [9_000.0..20_050.0, 30_000.0..35_990.0_f64] {
+        let rounds: Vec<u32> =
+            (0..60_000).filter(|round| !silent.contains(&turned(f64::from(*round) * 46_080.0))).collect();
+        let packet = |rounds: &[u32]| {
+            let returns = [RawReturn { range_2mm: 4000, intensity: 9 }; 32];
+            let azimuth = |index: usize| turned(f64::from(rounds[index]) * 46_080.0) as u16;
+            let blocks = std::array::from_fn(|index| RawBlock { azimuth: azimuth(index), is_lower: false, returns });
+            let stamp = BEGIN.plus_nanos(i64::from(rounds[0]) * 46_080);
+            (stamp.plus_nanos(300_000), 2368, encode_data_packet(Model::Hdl32e, stamp, &blocks).to_vec())
+        };
+        let packets: Vec<Sent> = rounds.chunks_exact(12).map(packet).collect();
+        let mut reader = open(&write_capture(&folder.path().join("a.pcap"), &packets));
+        let mut largest = 0.0_f64;
+        for (info, returns) in sweeps(&mut reader) {
+            for found in returns {
+                let nanos = info.stamp.0 + i64::from(found.offset_nanos) - BEGIN.0;
+                let apart = (turned(nanos as f64) - f64::from(found.azimuth)).abs();
+                largest = largest.max(apart.min(36_000.0 - apart));
+            }
+        }
+        // A block turns by 17 counts, the sector by up to 11 050.
+        assert!(largest < 40.0, "{silent:?}: {largest} counts");
+        assert_eq!(reader.stats().lost_packets, 0, "{silent:?}");
     }
 }
 

@@ -86,9 +86,34 @@ fn fixes_of_receivers_are_the_positions_and_times_of_gpsd() {
         let n_strange = fixes.iter().filter(|fix| !has_position(&reports.all, fix, 2e-9)).count();
         assert!(is_simulator || n_strange <= 2, "{name}: {n_strange} positions that gpsd does not report");
         assert_eq!((stats.undated, stats.out_of_order, stats.conflicting, stats.null_islands), (0, 0, 0, 0), "{name}");
+        assert_eq!(stats.alternating, 0, "{name}: {} mm", stats.apart_mm);
         n_fixes += fixes.len();
     }
     assert_eq!((n_fixes, n_heights), (860, 698));
+}
+
+/// The number of fixes with stated deviations, and the last fix.
+fn stated(name: &str) -> (usize, Fix) {
+    let path = real_data::path(&format!("receiver_logs/{name}.log"));
+    let (fixes, _) = nmea::fixes(&fs::read(path).expect("reads"));
+    (fixes.iter().filter(|fix| fix.deviation.is_some()).count(), *fixes.last().expect("has fixes"))
+}
+
+#[real_data::test("receiver_logs")]
+fn deviations_and_vertical_dilutions_of_receivers_reach_their_fixes() {
+    // GST and GSA follow the fix, so the first fix lacks them. gpsd: lat 2.3 to 2.4, lon 3.5, alt 4.0 to 4.2; vdop 0.83 to 0.92.
+    let (n, last) = stated("ublox-zed-f9p-nmea");
+    let deviation = last.deviation.expect("is stated");
+    assert!(n >= 27, "{n}");
+    assert!((deviation.across_m - 2.3_f64.hypot(3.5) / 2_f64.sqrt()).abs() < 0.15, "{deviation:?}");
+    assert!((deviation.up_m - 4.1).abs() < 0.2 && last.vdop == Some(0.92), "{last:?}");
+    // An ellipse of 14 by 5 m contradicts axes of 0.9 and 0.5 m.
+    let (n, last) = stated("skytraq-fixB");
+    let deviation = last.deviation.expect("is stated");
+    assert!(n >= 5 && deviation.across_m > 8.0 && deviation.up_m < 1.0, "{n} {deviation:?}");
+    // GSA only.
+    let (n, last) = stated("venus634lp");
+    assert!(n == 0 && last.vdop.is_some(), "{n} {last:?}");
 }
 
 #[real_data::test("receiver_logs")]

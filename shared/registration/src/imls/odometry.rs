@@ -314,10 +314,12 @@ fn registered(features: &SweepFeatures, motion: SweepMotion, matched: Option<Mat
         stamp: features.stamp,
         duration_nanos: features.duration_nanos,
         motion,
+        path: Vec::new(),
         matched,
         map_restarted: false,
         contrast: None,
         predicted_by: PredictionSources::default(),
+        by_lidar: motion.mid,
         covariance: Matrix6::zeros(),
         moving: Vec::new(),
     }

@@ -64,8 +64,8 @@ const GRADE: f64 = 0.1;
 const HILL_M: f64 = 50.0;
 /// Time for which a GNSS velocity supports predictions, s.
 const VELOCITY_VALID_S: f64 = 2.0;
-/// Acceleration over the delay of a late measurement, m/s^2: uncertainty of its velocity.
-const LATE_MPS2: f64 = 3.0;
+/// Time for which velocities are kept for late measurements, s.
+const RECENT_S: f64 = 1.5;
 
 /// Sensors that predicted a step. Without any sensor, the previous motion continues.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -99,11 +99,20 @@ pub(crate) struct Navigation {
     last_rate: Vector3<f64>,
     last_velocity: Option<Stamp>,
     n_rejected: u32,
+    /// Velocities at the starts of the last steps, level axes.
+    recent_velocities: Vec<LevelVelocity>,
     covariance: SMatrix<f64, N, N>,
     /// Covariance of the pose since the first sweep: translation, rotation, odom axes about the LiDAR.
     pose: Matrix6<f64>,
     /// Cross-covariance between the pose errors and the filter errors.
     cross_covariance: SMatrix<f64, 6, N>,
+}
+
+/// Velocity of the inertial unit at a time, level axes.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+struct LevelVelocity {
+    stamp: Stamp,
+    velocity: Vector3<f64>,
 }
 
 /// Predicted pose of the LiDAR.
@@ -112,6 +121,21 @@ pub(crate) struct PredictedPose {
     /// Inverse covariance of the pose in the map; zero if no sensor supports the prediction.
     pub information: Matrix6<f64>,
     pub sources: PredictionSources,
+}
+
+impl PredictedPose {
+    /// The pose `result` of a match with the weight of this prediction, without it. `information`: inverse covariance of the match
+    /// alone, in the units of the prediction's.
+    pub fn removed_from(&self, result: &Pose, information: &Matrix6<f64>) -> Pose {
+        let mut residual = Vector6::zeros();
+        residual.fixed_rows_mut::<3>(0).copy_from(&(result.translation.vector - self.mid.translation.vector));
+        residual.fixed_rows_mut::<3>(3).copy_from(&(result.rotation * self.mid.rotation.inverse()).scaled_axis());
+        // A direction without information keeps the result.
+        let regular = information + diagonal(1.0, 1e2);
+        let step = regular.cholesky().map_or_else(Vector6::zeros, |found| found.solve(&(self.information * residual)));
+        let rotation = UnitQuaternion::from_scaled_axis(step.fixed_rows::<3>(3).into_owned());
+        Pose::from_parts((result.translation.vector + step.fixed_rows::<3>(0)).into(), rotation * result.rotation)
+    }
 }
 
 /// Measurement of a step by a match, as inverse covariances.
@@ -151,6 +175,7 @@ impl Navigation {
             last_rate: Vector3::zeros(),
             last_velocity: None,
             n_rejected: 0,
+            recent_velocities: Vec::new(),
             covariance,
             pose: Matrix6::zeros(),
             cross_covariance: SMatrix::zeros(),
@@ -162,6 +187,7 @@ impl Navigation {
         self.velocity = body_from_lidar.rotation * velocity;
         self.level_from_begin = odom_from_lidar.rotation * body_from_lidar.rotation.inverse();
         self.north_is_known = false;
+        self.recent_velocities.clear();
         self.rate_bias = Vector3::zeros();
         self.force_bias = Vector3::zeros();
         let parts: [(usize, [f64; 3]); 4] = [
@@ -207,12 +233,12 @@ impl Navigation {
     ) -> PredictedPose {
         self.last_rate = mounting.body_from_lidar.rotation * last_rate;
         let has_samples = log.covers(begin, end);
+        self.remember_velocity(begin);
         let mut at = begin;
-        while let Some(mut measured) = log.pop_velocity(end) {
+        while let Some(measured) = log.pop_velocity(end) {
             let until = measured.stamp.max(at);
             self.propagate(log, has_samples, [at, until], acceleration);
-            measured.sigma += LATE_MPS2 * until.seconds_since(measured.stamp);
-            self.update_velocity(&measured, log, mounting);
+            self.update_velocity(&measured, until, log, mounting);
             at = until;
         }
         self.propagate(log, has_samples, [at, end], acceleration);
@@ -227,6 +253,12 @@ impl Navigation {
             Matrix6::zeros()
         };
         PredictedPose { mid: lidar.pose(&self.displacement, &self.rotation), information, sources }
+    }
+
+    /// Keeps the velocity at the start of a step.
+    fn remember_velocity(&mut self, stamp: Stamp) {
+        self.recent_velocities.retain(|recent| stamp.seconds_since(recent.stamp) < RECENT_S);
+        self.recent_velocities.push(LevelVelocity { stamp, velocity: self.level_from_begin * self.velocity });
     }
 
     /// Adds a pose error, given as covariance (m, then rad), odom axes.

@@ -71,6 +71,8 @@ pub struct GroundVelocity {
     pub east_north: [f64; 2],
     /// Standard deviation of each, m/s.
     pub sigma: f64,
+    /// Standard deviation of the stamp, s: while the vehicle accelerates, it adds to the velocity's.
+    pub late_sigma_s: f64,
 }
 
 impl GroundVelocity {
@@ -83,10 +85,15 @@ impl GroundVelocity {
             Some(course) if speed >= LEAST_COURSE_MPS => course.to_radians().sin_cos(),
             None if speed > LEAST_COURSE_MPS => return None,
             // The antenna stands, or moves slowly in an unknown direction.
-            _ => return Some(Self { stamp, east_north: [0.0; 2], sigma: sigma.hypot(speed) }),
+            _ => return Some(Self { stamp, east_north: [0.0; 2], sigma: sigma.hypot(speed), late_sigma_s: 0.0 }),
         };
         let is_number = speed.is_finite() && east.is_finite();
-        is_number.then_some(Self { stamp, east_north: [speed * east, speed * north], sigma })
+        is_number.then_some(Self { stamp, east_north: [speed * east, speed * north], sigma, late_sigma_s: 0.0 })
+    }
+    /// The velocity of a receiver whose stamps are late by `late_s`, with a standard deviation.
+    #[must_use]
+    pub fn with_delay(self, late_s: f64, late_sigma_s: f64) -> Self {
+        Self { stamp: self.stamp.plus_nanos(-(late_s * 1e9).round() as i64), late_sigma_s, ..self }
     }
     /// Velocity of a fix; `None` if the receiver reports no velocity.
     pub fn from_fix(row: &GnssRow) -> Option<Self> {

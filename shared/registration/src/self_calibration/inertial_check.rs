@@ -1,24 +1,29 @@
 //! Compares an inertial unit with the motion of the LiDAR: units, axes, mounting, time offset. A wrong unit is not
 //! used.
 //!
-//! A unit that passes the first plausibility test is used immediately. From then on its rates are compared with the
-//! rotation, and its forces with the acceleration, of the matched sweeps. If other axes or units fit far better, the
-//! samples are corrected from then on; if no combination fits, they are withheld. The sums use the uncorrected samples,
-//! so that a correction does not change the evidence.
+//! The rates of a unit that passes the first plausibility test are compared with the rotation, and its forces with the
+//! acceleration, of the matched sweeps. Until both agree, the unit is on probation: it has no weight in matches. If other
+//! axes or units fit far better, the samples are corrected from then on; if no combination fits, they are withheld. The
+//! sums use the uncorrected samples, so that a correction does not change the evidence, and the poses of the matches
+//! without the weight of the samples, so that a unit is not compared with itself.
 
 mod axes;
 mod comparison;
+mod force_bias;
 mod history;
 mod judgment;
 
 pub use axes::Axes;
 pub use comparison::Fit;
+pub use force_bias::ForceBias;
 
 use crate::{InertialSample, Registered};
 use comparison::Sums;
 use doubts::Doubt;
+use force_bias::BiasSums;
 use geometry::{Point3, Pose, Stamp, UnitQuaternion, Vector3};
 use history::History;
+use judgment::{MIN_FORCES, MIN_RATES};
 use serde::{Deserialize, Serialize};
 
 /// One g, m/s^2, and one degree, rad.
@@ -35,6 +40,13 @@ const MAX_TILT: f64 = 0.6;
 /// Largest change of the rotation rate from sweep to sweep before the unit is verified, rad/s. A verified unit may
 /// measure any change.
 const MAX_RATE_JUMP: f64 = 0.4;
+/// A unit that is not verified is harmless while the vehicle neither turns nor accelerates: limits for its mean rate (rad/s) and its
+/// horizontal force (m/s^2) over a sweep, and for the root mean square of its differences to the LiDAR so far. Two good matches differ
+/// by 0.01 rad/s, and an inclined start by 0.5 m/s^2.
+const HARMLESS_RATE: f64 = 0.03;
+const HARMLESS_FORCE: f64 = 1.0;
+const HARMLESS_RATE_RMS: f64 = 0.02;
+const HARMLESS_FORCE_RMS: f64 = 0.7;
 /// Consecutive implausible batches after which a verified unit is withheld: a second.
 const MAX_IMPLAUSIBLE: u32 = 10;
 
@@ -47,6 +59,8 @@ pub struct InertialCorrection {
     pub force: Fit,
     /// Rotation from the axes of the fits to body axes.
     pub rotation: UnitQuaternion<f64>,
+    /// Bias of the specific forces, body axes, m/s^2.
+    pub force_bias: Vector3<f64>,
     /// Delay of the stamps, s; positive if they are late.
     pub late_s: f64,
 }
@@ -56,8 +70,14 @@ impl InertialCorrection {
         rate: Fit::NOMINAL,
         force: Fit::NOMINAL,
         rotation: UnitQuaternion::new_unchecked(geometry::Quaternion::new(1.0, 0.0, 0.0, 0.0)),
+        force_bias: Vector3::new(0.0, 0.0, 0.0),
         late_s: 0.0,
     };
+
+    /// The force along the axes of the body, with its bias.
+    fn biased_force(&self, force: &Vector3<f64>) -> Vector3<f64> {
+        self.rotation * self.force.axes.in_body(force) * self.force.scale
+    }
 
     fn apply(&self, sample: &InertialSample) -> InertialSample {
         if *self == Self::NONE {
@@ -65,7 +85,7 @@ impl InertialCorrection {
         }
         InertialSample {
             stamp: sample.stamp.plus_nanos(-(self.late_s * 1e9).round() as i64),
-            force: self.rotation * self.force.axes.in_body(&sample.force) * self.force.scale,
+            force: self.biased_force(&sample.force) - self.force_bias,
             rate: self.rotation * self.rate.axes.in_body(&sample.rate) * self.rate.scale,
         }
     }
@@ -105,9 +125,12 @@ pub struct InertialCheck {
     /// Sums of the rates per time offset, the earliest stamps first.
     rates: Vec<Sums>,
     forces: Sums,
+    biases: BiasSums,
     trust: Trust,
-    /// Samples are withheld until the unit is verified.
+    /// Whether the unit must be verified before it has weight in matches.
     on_probation: bool,
+    /// Whether the last samples do no harm, even if the unit is wrong.
+    is_harmless: bool,
     correction: InertialCorrection,
     mounting: Option<InertialMounting>,
     /// Angular rate of the body from the last two poses, rad/s.
@@ -118,16 +141,19 @@ pub struct InertialCheck {
 }
 
 impl InertialCheck {
-    /// Creates the check for a unit at `imu_in_body`. `on_probation`: its samples are withheld until they agree with
-    /// the LiDAR; otherwise a plausible unit is used immediately, and influences the poses that it is compared with.
+    /// Creates the check for a unit at `imu_in_body`. `on_probation`: its samples have no weight in matches until they
+    /// agree with the LiDAR, see [`Self::is_on_probation`]; otherwise a plausible unit is used immediately, and influences
+    /// the poses that it is compared with.
     pub fn new(imu_in_body: Point3<f64>, on_probation: bool) -> Self {
         Self {
             imu_in_body,
             history: History::default(),
             rates: vec![Sums::default(); 2 * LAG_STEPS + 1],
             forces: Sums::default(),
+            biases: BiasSums::default(),
             trust: Trust::Assumed,
             on_probation,
+            is_harmless: false,
             correction: InertialCorrection::NONE,
             mounting: None,
             last_rate: None,
@@ -169,9 +195,7 @@ impl InertialCheck {
             return Vec::new();
         }
         self.n_implausible = 0;
-        if self.on_probation && self.trust == Trust::Assumed {
-            return Vec::new();
-        }
+        self.is_harmless = self.agrees_without_motion(&force, &rate);
         samples.iter().map(|sample| self.correction.apply(sample)).collect()
     }
 
@@ -198,7 +222,7 @@ impl InertialCheck {
     /// Adds the pose of the body (in odometry axes) in the middle of the next sweep; `None` if it was not measured.
     pub fn add_pose(&mut self, stamp: Stamp, odom_from_body: Option<&Pose>) {
         self.last_rate = self.history.push_pose(stamp, odom_from_body);
-        let Self { history, rates, forces, imu_in_body, .. } = self;
+        let Self { history, rates, forces, biases, correction, imu_in_body, .. } = self;
         let mut is_new = false;
         history.take_rotations(LAG_STEPS as f64 * LAG_STEP_S, |body, unit_at| {
             for (step, sums) in rates.iter_mut().enumerate() {
@@ -206,7 +230,10 @@ impl InertialCheck {
             }
             is_new = true;
         });
-        history.take_accelerations(imu_in_body, GRAVITY_MPS2, |body, unit| forces.add(body, unit));
+        history.take_accelerations(imu_in_body, GRAVITY_MPS2, |body, unit, odom_from_body| {
+            forces.add(body, unit);
+            biases.add(&(correction.biased_force(unit) - body), odom_from_body);
+        });
         if is_new {
             self.judge();
         }
@@ -216,7 +243,7 @@ impl InertialCheck {
     pub fn add_registered(&mut self, registered: &Registered, body_from_lidar: &Pose) {
         let middle = registered.stamp.plus_nanos(i64::from(registered.duration_nanos) / 2);
         let is_measured = registered.matched.as_ref().is_some_and(|matched| matched.n_degenerate_directions == 0);
-        let odom_from_body = registered.motion.mid * body_from_lidar.inverse();
+        let odom_from_body = registered.by_lidar * body_from_lidar.inverse();
         self.add_pose(middle, is_measured.then_some(&odom_from_body));
     }
 
@@ -253,6 +280,24 @@ impl InertialCheck {
         self.trust == Trust::Verified
     }
 
+    /// Whether the odometry must not use the last samples where the LiDAR measures its motion without them.
+    pub fn is_on_probation(&self) -> bool {
+        self.on_probation && self.trust == Trust::Assumed && !self.is_harmless
+    }
+
+    /// Whether the vehicle neither turns nor accelerates by these means over a sweep, and the unit has agreed with the LiDAR so far.
+    fn agrees_without_motion(&self, force: &Vector3<f64>, rate: &Vector3<f64>) -> bool {
+        let InertialCorrection { rate: rate_fit, force: force_fit, .. } = &self.correction;
+        let rms = |sums: &Sums, fit: &Fit| (sums.residual(fit) / sums.n().max(1.0)).sqrt();
+        let rates = &self.rates[self.current_step()];
+        let has_enough = rates.n() >= MIN_RATES && self.forces.n() >= MIN_FORCES;
+        has_enough
+            && rate.norm() * rate_fit.scale < HARMLESS_RATE
+            && self.correction.biased_force(force).xy().norm() < HARMLESS_FORCE
+            && rms(rates, rate_fit) < HARMLESS_RATE_RMS
+            && rms(&self.forces, force_fit) < HARMLESS_FORCE_RMS
+    }
+
     /// Whether there were any samples.
     pub const fn has_samples(&self) -> bool {
         self.n_samples > 0
@@ -270,21 +315,24 @@ impl InertialCheck {
             Trust::Withheld(reason) => format!("not used: {reason}"),
         });
         if let Some(InertialMounting { rotation, rotation_sigma, late_s, late_sigma_s }) = &self.mounting {
-            let list = |v: &Vector3<f64>| format!("{:.2}, {:.2}, {:.2}", v.x / DEGREE, v.y / DEGREE, v.z / DEGREE);
             lines.push(format!("stamps {:.0} ms late (deviation {:.1})", late_s * 1e3, late_sigma_s * 1e3));
             // Unknown until the vehicle has turned.
             if rotation_sigma.max() < 1.0 {
-                let angles = list(rotation);
-                let deviations = list(rotation_sigma);
+                let angles = list(&(rotation / DEGREE));
+                let deviations = list(&(rotation_sigma / DEGREE));
                 lines.push(format!("rotated about x, y, z by {angles} degrees (deviations {deviations})"));
             }
+        }
+        if let Some(ForceBias { mean, sigma }) = self.biases.estimate().filter(|_| self.is_verified()) {
+            let [mean, sigma] = [list(&mean), list(&sigma)];
+            lines.push(format!("bias of the accelerations {mean} m/s^2 along x, y, z (deviations {sigma})"));
         }
         lines.iter().map(|line| format!("inertial unit: {line}")).collect()
     }
 
     /// Names of the active corrections.
     fn corrections(&self) -> Vec<String> {
-        let InertialCorrection { rate, force, rotation, late_s } = &self.correction;
+        let InertialCorrection { rate, force, rotation, force_bias, late_s } = &self.correction;
         let mut parts = Vec::new();
         if force.scale != 1.0 {
             parts.push("accelerations are in g, corrected".to_owned());
@@ -301,6 +349,9 @@ impl InertialCheck {
         if rotation.angle() > 0.0 {
             parts.push(format!("rotated by {:.2} degrees, corrected", rotation.angle() / DEGREE));
         }
+        if *force_bias != Vector3::zeros() {
+            parts.push(format!("accelerations have a bias of {} m/s^2 along x, y, z, corrected", list(force_bias)));
+        }
         if *late_s != 0.0 {
             parts.push(format!("stamps {:.0} ms late, corrected", late_s * 1e3));
         }
@@ -311,6 +362,11 @@ impl InertialCheck {
         self.trust = Trust::Withheld(reason);
         self.has_changed = true;
     }
+}
+
+/// The components of a vector.
+fn list(v: &Vector3<f64>) -> String {
+    format!("{:.2}, {:.2}, {:.2}", v.x, v.y, v.z)
 }
 
 /// Time offset of a step, s: positive if the stamps of the unit are late.

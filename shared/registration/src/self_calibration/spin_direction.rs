@@ -8,8 +8,8 @@
 //! deskewed.
 
 use crate::sweep::SpinDirection;
-use crate::sweep::arc_tangent::fast_atan2;
 use geometry::Pose;
+use lidar::fast_atan2;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 

@@ -1,9 +1,7 @@
 //! The returns of a sweep as a range image, which gives the neighbors of a return.
 
 use crate::TimedPoint;
-use crate::sweep::arc_tangent::fast_atan2;
-use crate::sweep::directions::Directions;
-use crate::sweep::ring_order::rings_by_order;
+use lidar::{Directions, fast_atan2, rings_by_order};
 use nalgebra::Vector3;
 
 /// Columns: 0.176 degrees each, about the firing step of a Velodyne at 10 Hz (0.166 to 0.18), so few cells get two
@@ -48,7 +46,7 @@ impl RangeImage {
         let are_numbered = (2..=256).contains(&n_rings)
             && points.iter().all(|point| u32::from(point.ring) < n_rings)
             && points.iter().any(|point| point.ring != points[0].ring);
-        let directions = Directions::from_points(points);
+        let directions = Directions::new(points, |point| point.position);
         let by_order = if are_numbered { None } else { rings_by_order(&directions) };
         let rings_known = are_numbered || by_order.is_some();
         let rows = match &by_order {

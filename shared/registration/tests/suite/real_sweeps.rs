@@ -71,7 +71,7 @@ fn without_rings(sweep: &Sweep) -> Sweep {
     Sweep::new(sweep.stamp(), points, 0)
 }
 
-#[real_data::test("kitti_raw_0048")]
+#[real_data::test("kitti_raw_0048/*.pcd")]
 fn sweeps_without_rings_and_order_give_the_same_trajectory() {
     let folder = real_data::path("kitti_raw_0048");
     let sweeps = kitti_raw(&folder, Some(SpinDirection::Clockwise));
@@ -94,7 +94,7 @@ fn sweeps_without_rings_and_order_give_the_same_trajectory() {
     assert!((share - 1.0).abs() < 0.01, "path length is {share} of that with rings");
 }
 
-#[real_data::test("kitti_raw_0048")]
+#[real_data::test("kitti_raw_0048/*.pcd")]
 fn times_from_azimuth_fit_best_clockwise() {
     let folder = real_data::path("kitti_raw_0048");
     let rms_m = |spin: Option<SpinDirection>| {
@@ -108,7 +108,7 @@ fn times_from_azimuth_fit_best_clockwise() {
     assert!(right < 0.97 * none && none < wrong, "{right} {none} {wrong}");
 }
 
-#[real_data::test("kitti00")]
+#[real_data::test("kitti00/*.bin", "kitti00/poses_00_velodyne_frame.txt")]
 fn kitti_00_sweep_95_has_its_reference_pose() {
     let folder = real_data::path("kitti00");
     let sweeps: Vec<Sweep> = [(94, 0), (95, 1)]
@@ -162,7 +162,7 @@ fn range_images(drive: &str, numbers: std::ops::Range<usize>) -> Vec<Sweep> {
 
 /// Cars move alongside, and several rings fall into one degree of elevation: with rows by elevation a third of the
 /// distance was lost.
-#[real_data::test("annieway")]
+#[real_data::test("annieway/range_image.cfg", "annieway/durlacher")]
 fn durlacher_is_as_long_as_by_its_inertial_system() {
     let registered = register_all(&range_images("durlacher", 0..52));
     let moved = registered[51].motion.mid.translation.vector - registered[0].motion.mid.translation.vector;
@@ -233,7 +233,7 @@ fn against_track(registered: &[Registered], track: &[InsPosition]) -> BestDelay 
 
 /// The rings of this unit have errors of a tenth of a degree, and its two laser blocks of 7 cm. Without an estimate the
 /// flat road pitches by 5.4 degrees and falls by 4.9 m.
-#[real_data::test("annieway")]
+#[real_data::test("annieway/range_image.cfg", "annieway/muehlburger")]
 fn flat_road_stays_flat_though_rings_err() {
     let registered = register_all(&range_images("muehlburger", 150..341));
     let [first, last] = [&registered[0], &registered[190]].map(|sweep| sweep.motion.mid);
@@ -246,7 +246,7 @@ fn flat_road_stays_flat_though_rings_err() {
 
 /// Treated as rigid, the sweeps rotate the vehicle by 1.6 degrees more. KISS-ICP 1.3.0 rotates by 1.67 degrees from the
 /// first sweep to number 340 with point times, by 2.13 without.
-#[real_data::test("annieway")]
+#[real_data::test("annieway/range_image.cfg", "annieway/muehlburger")]
 fn sense_of_turning_is_found_and_keeps_the_heading() {
     let mut odometry = Odometry::new(
         OdometrySettings { untimed_turn_s: Some(0.1), ..OdometrySettings::default() },

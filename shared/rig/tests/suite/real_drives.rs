@@ -39,7 +39,7 @@ fn checked(drive: &Drive, untimed_turn: Option<SpinDirection>) -> (Vec<String>, 
     (doubts.collect(), lines.join("\n"))
 }
 
-#[real_data::test("kitti_raw_0048")]
+#[real_data::test("kitti_raw_0048/*.pcd")]
 fn real_street_fits_its_published_mounting_but_for_the_missing_times() {
     let (_folder, drive) = street(Vector3::z(), 0.0);
     let (doubts, text) = checked(&drive, None);
@@ -52,7 +52,7 @@ fn real_street_fits_its_published_mounting_but_for_the_missing_times() {
     assert!(height_m.abs() < 0.05, "{text}");
 }
 
-#[real_data::test("kitti_raw_0048")]
+#[real_data::test("kitti_raw_0048/*.pcd")]
 fn wrong_mountings_of_the_lidar_of_a_real_street_are_found() {
     for (axis, degrees, doubt) in [
         (Vector3::y(), 6.0, "lidar level"),
@@ -65,7 +65,7 @@ fn wrong_mountings_of_the_lidar_of_a_real_street_are_found() {
     }
 }
 
-#[real_data::test("kitti_raw_0048")]
+#[real_data::test("kitti_raw_0048/*.pcd")]
 fn refined_rig_of_a_real_street_keeps_what_it_does_not_show() {
     let (_folder, drive) = street(Vector3::z(), 0.0);
     let settings = SurveySettings { untimed_turn: Some(SpinDirection::Clockwise), ..SurveySettings::default() };

@@ -145,7 +145,7 @@ Tr: 4.276802385584e-04 -9.999672484946e-01 -8.084491683471e-03 -1.198459927713e-
     assert!((pixel.x - 607.0).abs() < 15.0 && (pixel.y - 185.0).abs() < 15.0, "{pixel}");
 }
 
-#[real_data::test("kitti00")]
+#[real_data::test("kitti00/calib_Tr_velo_to_cam0.txt", "kitti00/000094.bin")]
 fn real_transform_of_kitti_puts_the_points_ahead_into_the_image() {
     let transform = fs::read_to_string(real_data::path("kitti00/calib_Tr_velo_to_cam0.txt")).expect("reads");
     let projection = "P0: 718.856 0 607.1928 0 0 718.856 185.2157 0 0 0 1 0";

@@ -41,6 +41,12 @@ impl GroundHistogram {
     pub fn join(&mut self, other: &Self) {
         self.0.iter_mut().zip(other.0).for_each(|(sum, n)| *sum += n);
     }
+    /// Share of the points that have the largest intensity of all.
+    pub(super) fn share_of_largest(&self) -> f64 {
+        let total: u64 = self.0.iter().sum();
+        let at_largest = self.0.iter().rev().find(|n| **n > 0).copied().unwrap_or(0);
+        at_largest as f64 / total.max(1) as f64
+    }
     /// The quantiles; `None` if there are too few points, or all have intensity 0.
     pub fn quantiles(&self) -> Option<GroundIntensities> {
         let total: u64 = self.0.iter().sum();

@@ -5,6 +5,11 @@ use super::map::IntensityMap;
 
 /// With fewer ground points the gain of a ring is unknown.
 const MIN_POINTS: u64 = 100;
+/// Fewest steps between the 5 and 95 % quantiles of the ground. On the data sets of `street_labels`, RELLIS-3D has two steps, and most
+/// of the ground saturates on the Livox Avia: the default model is better without these intensities.
+const FEWEST_STEPS: u8 = 3;
+/// Largest share of the ground at the end of the scale.
+const LARGEST_SATURATED: f64 = 0.1;
 /// Largest factor between the ground of a ring and the ground of all rings. It also covers range and incidence.
 const LARGEST: f32 = 4.0;
 
@@ -38,14 +43,26 @@ impl GroundByRing {
 
     /// Quantiles of all rings; `None` if there are too few points, or all have intensity 0.
     pub fn quantiles(&self) -> Option<GroundIntensities> {
+        self.all().quantiles()
+    }
+
+    fn all(&self) -> GroundHistogram {
         let mut all = GroundHistogram::default();
         self.0.iter().for_each(|ring| all.join(ring));
-        all.quantiles()
+        all
     }
 
     /// Whether nearly the whole ground has one intensity: a constant instead of intensities.
     pub(super) fn is_constant(&self) -> bool {
         self.quantiles().is_some_and(|found| found[0] == found[N - 1])
+    }
+
+    /// Whether the ground has too few different intensities: reflectances of 0 to 0.01 that were rounded to whole numbers, which
+    /// normalized would be steps of half the range of a road, or a scale that ends on the ground.
+    pub(super) fn is_coarse(&self) -> bool {
+        let all = self.all();
+        all.quantiles()
+            .is_some_and(|found| found[N - 1] - found[0] < FEWEST_STEPS || all.share_of_largest() > LARGEST_SATURATED)
     }
 
     /// Factor of each ring relative to the median of all rings.
@@ -61,8 +78,8 @@ impl GroundByRing {
     }
 
     /// Conversion that scales all rings to the same median, and their intensities to the scale of the training data:
-    /// linear between the quantiles; above the last one, linear over the rest of both scales. A constant gives no
-    /// information. `None` if the ground is unknown.
+    /// linear between the quantiles, proportional above the last one. The result does not depend on the gain of the
+    /// sensor. A constant gives no information. `None` if the ground is unknown.
     pub fn normalizing(&self, trained: GroundIntensities) -> Option<IntensityMap> {
         let factors = self.factors()?;
         if self.is_constant() {
@@ -91,7 +108,8 @@ fn median(ring: &GroundHistogram) -> Option<f32> {
     ring.counts().iter().position(reached).filter(|_| total >= MIN_POINTS).map(|intensity| intensity as f32)
 }
 
-/// The training value for an intensity, linear between quantiles of the ground.
+/// The training value for an intensity: linear between quantiles of the ground, and proportional above the last one. Foliage and
+/// facades are brighter than most of the ground, so a steeper line, such as one to the end of both scales, would make signs of them.
 fn between(found: GroundIntensities, trained: GroundIntensities) -> impl Fn(f32) -> u8 {
     /// An intensity, and the training value for it.
     struct Knot {
@@ -108,10 +126,13 @@ fn between(found: GroundIntensities, trained: GroundIntensities) -> impl Fn(f32)
             _ => knots.push(knot),
         }
     }
-    if knots.last().is_some_and(|last| last.from < 255.0) {
-        knots.push(Knot { from: 255.0, to: 255.0 });
-    }
     move |intensity| {
+        let last = &knots[knots.len() - 1];
+        if intensity >= last.from {
+            // A ground of zeros gives no scale.
+            let gain = if last.from > 0.0 { last.to / last.from } else { 1.0 };
+            return (gain * intensity).round().min(255.0) as u8;
+        }
         let after = knots.iter().position(|knot| knot.from >= intensity).unwrap_or(knots.len() - 1).max(1);
         let below = &knots[after - 1];
         let above = &knots[after];
@@ -130,6 +151,17 @@ mod tests {
         let value = between([1, 1, 1, 2, 2], TRAINED);
         assert_eq!([0.0, 1.0, 2.0].map(value), [0, 12, 14]);
         assert_eq!([0.0, 1.0].map(between([0, 0, 0, 1, 1], TRAINED)), [0, 14]);
+    }
+
+    #[test]
+    fn intensities_above_the_ground_keep_their_ratio_to_it_for_every_gain() {
+        for gain in [0.5, 1.0, 3.0] {
+            let found = TRAINED.map(|intensity| (gain * f32::from(intensity)) as u8);
+            let value = between(found, TRAINED);
+            // Foliage twice as bright as the brightest ground.
+            assert_eq!([30.0, 60.0].map(|intensity| value(gain * intensity)), [30, 60], "gain {gain}");
+        }
+        assert_eq!(between([0; 5], TRAINED)(7.0), 7);
     }
 
     #[test]

@@ -5,7 +5,7 @@ use super::parameters::Parameters;
 use super::prediction::{CloudPrediction, RegionInput};
 use super::settings::{PointSettings, VERSION};
 use crate::cell_probabilities::is_known;
-use crate::class_rows::write_rows;
+use crate::decision::segment_by_cells;
 use crate::intensity::SubmapIntensities;
 use crate::model_file::ModelFile;
 use crate::network::Weights;
@@ -113,12 +113,7 @@ impl Segmenter for PointModel {
     }
 
     fn segment(&self, input: &ModelInput<'_>, classes: &mut [ClassRow]) -> Result<Report, SegmentationError> {
-        input.check(classes)?;
-        let ground = SubmapGround::find(input.header, input.points);
-        let SubmapProbabilities { cells, report } = self.probabilities(input, &ground)?;
-        let n_unseen = write_rows(cells.decide(&self.classes), classes);
-        self.options.refinement.refine(input.points, &ground, &self.classes, classes);
-        Ok(Report { n_unseen, ..report })
+        segment_by_cells(self, self.options.views, input, classes)
     }
 }
 

@@ -47,6 +47,9 @@ pub struct PointSettings {
     /// default, the intensities of the simulated towns.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ground_intensities: Option<GroundIntensities>,
+    /// What users of the model must know, such as a restriction by its training data.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub notice: Option<String>,
 }
 
 impl PointSettings {

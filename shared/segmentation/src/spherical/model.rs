@@ -1,16 +1,18 @@
 //! The model: a network between the images of a submap and the votes of its points.
 
+use super::PolarImage;
 use super::features::write_features;
+use super::nearest_examples::NearestExamples;
 use super::range_sweep::{ImageSource, RangeSweep, SweepPoints};
 use super::settings::Settings;
 use super::softmax::{NO_VOTE, Vote};
 use super::sweep_images::{Prepared, SweepImages, VoteBuffers};
-use super::{PixelClassifier, PolarImage};
 use crate::model_file::ModelFile;
 use crate::network::{Inference, PooledImage, Weights};
 use crate::options::Options;
 use crate::refinement::Refinement;
 use crate::segmenter::CellSegmenter;
+use crate::views::mean_over_views;
 use crate::{CellProbabilities, ModelCard, ModelInput, Report, SegmentationError, Segmenter, SubmapProbabilities};
 use candle_core::Tensor;
 use ground::SubmapGround;
@@ -26,8 +28,8 @@ pub struct SphericalModel {
     card: ModelCard,
     images: SweepImages,
     network: Inference,
-    /// Classifier that replaces the last layer.
-    classifier: Option<Box<dyn PixelClassifier>>,
+    /// Examples that replace the last layer.
+    examples: Option<NearestExamples>,
     point_votes: VoteBuffers,
 }
 
@@ -43,7 +45,12 @@ impl SphericalModel {
     pub(crate) fn from_file(file: &ModelFile) -> Result<Self, SegmentationError> {
         let settings = Settings::from_file(file)?;
         let weights = Weights::from_file(&settings.network, file)?;
-        Self::new(file.card.clone(), settings, &weights)
+        let nearest = settings.nearest;
+        let model = Self::new(file.card.clone(), settings, &weights)?;
+        let Some(nearest) = nearest else { return Ok(model) };
+        let network = Inference::feature_extractor(model.settings().network.clone(), &weights, Border::Circular)?;
+        let examples = NearestExamples::from_file(file, model.settings(), nearest, network.out_channels())?;
+        Ok(Self { network, examples: Some(examples), ..model })
     }
     /// Reads a model file of this architecture.
     ///
@@ -62,20 +69,7 @@ impl SphericalModel {
     pub fn new(card: ModelCard, settings: Settings, weights: &Weights) -> Result<Self, SegmentationError> {
         let images = SweepImages::new(settings)?;
         let network = Inference::new(images.settings().network.clone(), weights, Border::Circular)?;
-        Ok(Self { card, images, network, classifier: None, point_votes: VoteBuffers::default() })
-    }
-    /// Replaces the last layer of the network by another classifier. `weights` are the weights of the model.
-    ///
-    /// # Errors
-    /// If the weights do not fit the settings.
-    pub fn with_classifier(
-        self,
-        classifier: Box<dyn PixelClassifier>,
-        weights: &Weights,
-    ) -> Result<Self, SegmentationError> {
-        let network = Inference::feature_extractor(self.settings().network.clone(), weights, Border::Circular)?;
-        let options = *self.images.options();
-        Self { network, classifier: Some(classifier), ..self }.with_options(options)
+        Ok(Self { card, images, network, examples: None, point_votes: VoteBuffers::default() })
     }
     /// Sets the options. Points of sweeps that do not go through the network get the votes of their cells.
     ///
@@ -105,8 +99,8 @@ impl SphericalModel {
     /// Votes of the pixels of an image in raster order from the output of the network. Votes of pixels without a point
     /// are not written.
     fn vote(&self, image: &PolarImage, output: &Tensor, votes: &mut [Vote]) -> Result<(), SegmentationError> {
-        read_image(output, self.network.out_channels(), |output| match &self.classifier {
-            Some(classifier) => classifier.vote(image, &output, votes),
+        read_image(output, self.network.out_channels(), |output| match &self.examples {
+            Some(examples) => examples.vote(image, &output, votes),
             None => self.images.softmax(image, output, votes),
         })?;
         Ok(())
@@ -150,9 +144,16 @@ impl Segmenter for SphericalModel {
 
     fn segment(&self, input: &ModelInput<'_>, classes: &mut [ClassRow]) -> Result<Report, SegmentationError> {
         input.check(classes)?;
-        let prepared = self.images.prepare(input, SubmapGround::find(input.header, input.points));
-        let cells = self.cells(input, &prepared)?;
-        Ok(self.images.decide(input, &prepared, &cells, classes))
+        let ground = SubmapGround::find(input.header, input.points);
+        let prepared = self.images.prepare(input, ground.clone());
+        let cells = match self.images.options().views {
+            0 | 1 => self.cells(input, &prepared)?,
+            n_views => {
+                let [SubmapProbabilities { cells, .. }] = mean_over_views([self], n_views, input, &ground)?;
+                cells
+            }
+        };
+        Ok(self.images.decide(input, &prepared, cells, classes))
     }
 }
 

@@ -1,6 +1,7 @@
 //! Settings of a model file, and their rules.
 
 use super::Features;
+use super::nearest_examples::{ColumnExamples, MOST_NEAREST, NearestSettings};
 use super::softmax::MAX_CLASSES;
 use crate::SegmentationError;
 use crate::intensity::GroundIntensities;
@@ -42,6 +43,12 @@ pub struct Settings {
     /// Treatment of ground points.
     #[serde(default, skip_serializing_if = "GroundUse::is_default")]
     pub ground: GroundUse,
+    /// Classification by nearest examples instead of the last layer.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub nearest: Option<NearestSettings>,
+    /// What users of the model must know, such as a restriction by its training data.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub notice: Option<String>,
 }
 
 /// Treatment of the points that are ground according to the ground model with its default parameters.
@@ -119,6 +126,10 @@ impl Settings {
                 format!("vote_cell_m = {}, must be 0.02 to 5", self.vote_cell_m),
             ),
             Rule::for_temperature(self.temperature),
+            Rule::new(
+                self.nearest.is_none_or(|NearestSettings { k }| (1..=MOST_NEAREST).contains(&k)),
+                format!("nearest.k = {}, must be 1 to {MOST_NEAREST}", self.nearest.map_or(0, |nearest| nearest.k)),
+            ),
         ];
         check_rules(rules)?;
         Ok(classes)
@@ -129,5 +140,30 @@ impl Settings {
     /// If the file cannot be encoded.
     pub fn to_bytes(&self, weights: &Weights) -> Result<Vec<u8>, SegmentationError> {
         encode_model(ARCHITECTURE, VERSION, self, weights.to_tensors()?)
+    }
+    /// The bytes of a model file whose last layer is replaced by examples, one set for each folded column, of which the `k` nearest vote.
+    ///
+    /// # Errors
+    /// If a rule is violated, the number of sets is not `fold`, or the file cannot be encoded.
+    pub fn to_bytes_with_examples(
+        &self,
+        weights: &Weights,
+        k: usize,
+        examples: &[ColumnExamples],
+    ) -> Result<Vec<u8>, SegmentationError> {
+        let settings = Self { nearest: Some(NearestSettings { k }), ..self.clone() };
+        settings.check()?;
+        let n_sets = examples.len();
+        check_rules([Rule::new(
+            n_sets == self.fold,
+            format!("{n_sets} sets of examples, must be fold = {}", self.fold),
+        )])?;
+        let mut of_examples = Vec::new();
+        for (column, examples) in examples.iter().enumerate() {
+            of_examples.extend(examples.tensors(column)?);
+        }
+        let mut tensors = weights.to_tensors()?;
+        tensors.extend(of_examples.iter().map(|(name, tensor)| (name.as_str(), tensor.clone())));
+        encode_model(ARCHITECTURE, VERSION, &settings, tensors)
     }
 }

@@ -134,7 +134,7 @@ impl SubmapSweeps {
         let mut classes = vec![ClassRow::default(); self.votes.len()];
         let input = self.submap.input();
         let cells = self.images.cells(&input, &self.votes);
-        let report = self.images.decide(&input, &self.prepared, &cells, &mut classes);
+        let report = self.images.decide(&input, &self.prepared, cells, &mut classes);
         SegmentedSubmap { classes, report }
     }
 }

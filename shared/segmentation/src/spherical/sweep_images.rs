@@ -11,7 +11,7 @@ use super::range_sweep::{ImageSource, RangeSweep, SweepPoints, sweeps_with_point
 use super::settings::{GroundUse, Settings};
 use super::softmax::{NO_VOTE, Softmax, Vote};
 use super::votes::Votes;
-use crate::class_rows::write_rows;
+use crate::decision::Decision;
 use crate::intensity::SubmapIntensities;
 use crate::model_file::ModelFile;
 use crate::options::Options;
@@ -154,16 +154,15 @@ impl SweepImages {
         &self,
         input: &ModelInput<'_>,
         prepared: &Prepared,
-        cells: &CellProbabilities,
+        cells: CellProbabilities,
         classes: &mut [ClassRow],
     ) -> Report {
         let given = |point: usize| {
             let removed = prepared.removed.as_ref()?;
             removed.is_ground[point].then(|| removed.classes[point])
         };
-        let rows = cells.decide(&self.classes).enumerate().map(|(point, decided)| given(point).unwrap_or(decided));
-        let n_unseen = write_rows(rows, classes);
-        self.options.refinement.refine(input.points, &prepared.ground, &self.classes, classes);
+        let decision = Decision { of_model: &self.classes, refinement: self.options.refinement };
+        let n_unseen = decision.write(input, &prepared.ground, cells, given, classes);
         Report { n_unseen, ..prepared.report() }
     }
 }

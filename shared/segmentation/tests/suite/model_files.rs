@@ -36,7 +36,7 @@ fn shipped_model_equals_default_parameters() {
     assert_eq!(bytes, encode(&Parameters::default()).expect("encodes"));
     assert!(bytes.len() < 10_000);
     let model = segmentation::load(&shipped_model(), &segmentation::Options::default()).expect("loads");
-    assert_eq!((model.card().architecture.as_str(), model.card().version), ("ground_quasi_flat", 3));
+    assert_eq!((model.card().architecture.as_str(), model.card().version), ("ground_quasi_flat", 4));
     assert_ne!(model.card().digest, 0);
 }
 
@@ -60,8 +60,8 @@ fn truncated_file_is_rejected() {
 fn unknown_architecture_version_and_card_are_rejected() {
     let error = rejected(&edited("ground_quasi_flat", "ground_quasi_flax"));
     assert!(matches!(&error, SegmentationError::Architecture { found, .. } if found == "ground_quasi_flax"), "{error}");
-    let error = rejected(&edited("\\\"version\\\":3", "\\\"version\\\":7"));
-    assert!(matches!(error, SegmentationError::Version { found: 7, expected: 3, .. }), "{error}");
+    let error = rejected(&edited("\\\"version\\\":4", "\\\"version\\\":7"));
+    assert!(matches!(error, SegmentationError::Version { found: 7, expected: 4, .. }), "{error}");
     assert!(matches!(rejected(&edited("\"model\"", "\"mudel\"")), SegmentationError::Card { .. }));
     let error = rejected(&edited("low_m", "low_x"));
     assert!(matches!(&error, SegmentationError::Card { reason, .. } if reason.contains("low_x")), "{error}");

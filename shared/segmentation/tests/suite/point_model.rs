@@ -22,6 +22,7 @@ fn settings(network: &str) -> PointSettings {
         squares: None,
         temperature: 1.0,
         ground_intensities: None,
+        notice: None,
     }
 }
 

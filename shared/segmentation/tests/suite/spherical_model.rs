@@ -29,6 +29,8 @@ fn settings() -> Settings {
         vote_cell_m: 0.2,
         temperature: 1.0,
         ground_intensities: None,
+        nearest: None,
+        notice: None,
         features: Features::default(),
         ground: GroundUse::Kept,
     }

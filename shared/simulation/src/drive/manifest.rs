@@ -22,7 +22,8 @@ pub fn manifest(spec: &DriveSpec) -> Manifest {
         antenna_in_body: gnss.antenna_in_body,
         geoid_m: None,
     });
-    let name = format!("simulated {} drive, seed {}, {} s", spec.town, spec.seed, spec.seconds);
+    let pass = if spec.pass == 0 { String::new() } else { format!(" pass {},", spec.pass) };
+    let name = format!("simulated {} drive, seed {},{pass} {} s", spec.town, spec.seed, spec.seconds);
     let lidar = LidarEntry {
         name: rig.lidar_name.clone(),
         ..LidarEntry::from_captures(rig.lidar.model.name(), rig.lidar.body_from_lidar.into())

@@ -16,6 +16,9 @@ pub struct SimulatedDrive {
     pub town: String,
     /// Seed.
     pub seed: u64,
+    /// Pass through the town; absent for the first one.
+    #[serde(default, skip_serializing_if = "is_first")]
+    pub pass: u64,
     /// Length, s.
     pub seconds: f64,
     /// Errors of the LiDAR and the unit that they belong to; absent for a perfect unit.
@@ -38,7 +41,7 @@ impl SimulatedDrive {
 
     /// A text for each setting in which the drive differs from `settings`.
     pub fn differences(&self, settings: &DriveSettings) -> Vec<String> {
-        let Self { town, seed, seconds, lidar_unit, traffic } = self;
+        let Self { town, seed, pass, seconds, lidar_unit, traffic } = self;
         let normal = |value: &Option<String>, default: &str| value.clone().unwrap_or_else(|| default.to_owned());
         let wanted_unit = match settings.lidar_errors {
             LidarGrade::None => LidarGrade::None.to_string(),
@@ -47,6 +50,7 @@ impl SimulatedDrive {
         let values = [
             ("town", format!("{town:?}"), format!("{:?}", settings.town.word())),
             ("seed", seed.to_string(), settings.seed.to_string()),
+            ("pass", pass.to_string(), settings.pass.to_string()),
             ("seconds", seconds.to_string(), settings.seconds.to_string()),
             ("lidar_errors", normal(lidar_unit, LidarGrade::None.word()), wanted_unit),
             ("traffic", normal(traffic, Traffic::Normal.word()), settings.traffic.to_string()),
@@ -65,11 +69,17 @@ impl From<&DriveSpec> for SimulatedDrive {
         Self {
             town: spec.town.to_string(),
             seed: spec.seed,
+            pass: spec.pass,
             seconds: spec.seconds,
             lidar_unit: (grade != Some(LidarGrade::None)).then(|| unit_name(name, unit_seed)),
             traffic: (spec.traffic != Traffic::Normal).then(|| spec.traffic.to_string()),
         }
     }
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "the signature that serde calls")]
+fn is_first(pass: &u64) -> bool {
+    *pass == 0
 }
 
 fn unit_name(grade: &str, unit_seed: u64) -> String {
@@ -93,6 +103,8 @@ mod tests {
         assert_eq!(mark.differences(&same), Vec::<String>::new());
         let other = DriveSettings { seed: 7, town: Town::Rural, ..same.clone() };
         assert_eq!(mark.differences(&other), ["town = \"urban\", not \"rural\"", "seed = 3, not 7"]);
+        let back = DriveSettings { pass: 1, ..same.clone() };
+        assert_eq!(mark.differences(&back), ["pass = 0, not 1"]);
         let dense = DriveSettings { traffic: Traffic::Dense, lidar_errors: LidarGrade::Poor, ..same };
         let texts = ["lidar_errors = none, not poor, unit 1", "traffic = normal, not dense"];
         assert_eq!(mark.differences(&dense), texts);

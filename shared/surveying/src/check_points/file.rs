@@ -4,8 +4,18 @@ use crate::error::DeliverError;
 use files::regular_file;
 use std::path::Path;
 
+/// Use of a point with known coordinates.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum PointUse {
+    /// It moves the result of a survey.
+    Control,
+    /// It only shows the accuracy of the result.
+    #[default]
+    Check,
+}
+
 /// A point with known coordinates.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct CheckPoint {
     /// Name from the file.
     pub name: String,
@@ -13,12 +23,24 @@ pub struct CheckPoint {
     pub xyz: [f64; 3],
     /// Manually picked position in the cloud, m.
     pub in_cloud: Option<[f64; 3]>,
+    /// Use in a survey.
+    pub point_use: PointUse,
+    /// Standard deviation of the coordinates, horizontally along each axis and up, m. `None`: not stated.
+    pub sigma_m: [Option<f64>; 2],
+    /// Name of the drive of a survey in whose cloud the position was picked.
+    pub drive: Option<String>,
 }
 
 /// Columns that a file must have.
 const REQUIRED: [&str; 4] = ["name", "x", "y", "z"];
 /// Columns of the position in the cloud; a file has all of them or lacks all of them.
 const IN_CLOUD: [&str; 3] = ["cloud_x", "cloud_y", "cloud_z"];
+/// Column with the words `control` and `check`.
+const USE: &str = "use";
+/// Columns of the standard deviations, m.
+const SIGMAS: [&str; 2] = ["sigma_xy", "sigma_z"];
+/// Column with the drive of a picked position.
+const DRIVE: &str = "drive";
 
 /// Reads a CSV file whose first line names the columns, in any order and in upper or lower case. Other columns are ignored.
 /// Fields are separated by commas, semicolons or tabs and may be quoted. Numbers may have decimal commas.
@@ -90,6 +112,9 @@ struct Table {
     xyz: [usize; 3],
     /// Indices of the position in the cloud.
     in_cloud: Option<[usize; 3]>,
+    use_at: Option<usize>,
+    sigmas_at: [Option<usize>; 2],
+    drive_at: Option<usize>,
 }
 
 impl Table {
@@ -113,11 +138,13 @@ impl Table {
             [Some(x), Some(y), Some(z)] => Some([x, y, z]),
             _ => return Err((line, "needs all or none of cloud_x, cloud_y, cloud_z".to_owned())),
         };
-        Ok(Self { separator, name_at, xyz: [x, y, z], in_cloud, names })
+        let sigmas_at = [column(SIGMAS[0])?, column(SIGMAS[1])?];
+        let (use_at, drive_at) = (column(USE)?, column(DRIVE)?);
+        Ok(Self { separator, name_at, xyz: [x, y, z], in_cloud, use_at, sigmas_at, drive_at, names })
     }
 
     fn point(&self, line: usize, fields: &[String], decimals: &mut Decimals) -> Result<CheckPoint, Fault> {
-        let Self { separator, names, name_at, xyz, in_cloud } = self;
+        let Self { separator, names, name_at, xyz, in_cloud, use_at, sigmas_at, drive_at } = self;
         if fields.len() != names.len() {
             let hint = match (separator, fields.len() > names.len()) {
                 (',', true) => "; numbers with decimal commas need semicolons between the fields",
@@ -125,19 +152,33 @@ impl Table {
             };
             return Err((line, format!("{} fields, the first line names {}{hint}", fields.len(), names.len())));
         }
-        let mut numbers = |at: &[usize; 3]| -> Result<[f64; 3], Fault> {
-            let mut found = [0.0; 3];
-            for (value, at) in found.iter_mut().zip(at) {
-                let number = decimals.number(&fields[*at], *separator);
-                *value = number.map_err(|rule| (line, format!("{}: {:?} {rule}", names[*at], fields[*at])))?;
-            }
-            Ok(found)
+        let mut number = |at: usize| -> Result<f64, Fault> {
+            let number = decimals.number(&fields[at], *separator);
+            number.map_err(|rule| (line, format!("{}: {:?} {rule}", names[at], fields[at])))
         };
+        let filled = |at: &Option<usize>| at.filter(|at| !fields[*at].is_empty());
+        let mut sigma_m = [None; 2];
+        for (sigma, at) in sigma_m.iter_mut().zip(sigmas_at) {
+            *sigma = filled(at).map(&mut number).transpose()?;
+            if let Some(value) = sigma.filter(|value| *value <= 0.0) {
+                return Err((line, format!("a standard deviation of {value}; must be above 0, in m")));
+            }
+        }
+        let mut numbers =
+            |at: &[usize; 3]| -> Result<[f64; 3], Fault> { Ok([number(at[0])?, number(at[1])?, number(at[2])?]) };
         let in_cloud = in_cloud.as_ref().filter(|at| at.iter().any(|at| !fields[*at].is_empty()));
+        let point_use = match filled(use_at).map(|at| fields[at].as_str()) {
+            None | Some("check") => PointUse::Check,
+            Some("control") => PointUse::Control,
+            Some(other) => return Err((line, format!("{USE}: {other:?} must be control or check"))),
+        };
         Ok(CheckPoint {
             name: fields[*name_at].clone(),
             xyz: numbers(xyz)?,
             in_cloud: in_cloud.map(&mut numbers).transpose()?,
+            point_use,
+            sigma_m,
+            drive: filled(drive_at).map(|at| fields[at].clone()),
         })
     }
 }
@@ -214,8 +255,17 @@ mod tests {
         let text =
             "\u{feff}z, name, x, y, cloud_x, cloud_y, cloud_z, note\n# comment\n3,A,1,2,,,,n\n6,B,4,5,4.5,5.5,6.5,\n";
         let points = parse(text).expect("parses");
-        assert_eq!(points[0], CheckPoint { name: "A".to_owned(), xyz: [1.0, 2.0, 3.0], in_cloud: None });
+        assert_eq!(points[0], CheckPoint { name: "A".to_owned(), xyz: [1.0, 2.0, 3.0], ..CheckPoint::default() });
         assert_eq!(points[1].in_cloud, Some([4.5, 5.5, 6.5]));
+    }
+
+    #[test]
+    fn uses_and_deviations_of_a_survey_are_read() {
+        let text = "name,x,y,z,use,sigma_xy,sigma_z,drive\nA,1,2,3,control,0.02,,north\nB,1,2,3,,,0.01,\n";
+        let points = parse(text).expect("parses");
+        assert_eq!((points[0].point_use, points[1].point_use), (PointUse::Control, PointUse::Check));
+        assert_eq!([points[0].sigma_m, points[1].sigma_m], [[Some(0.02), None], [None, Some(0.01)]]);
+        assert_eq!((points[0].drive.as_deref(), points[1].drive.as_deref()), (Some("north"), None));
     }
 
     #[test]
@@ -271,6 +321,8 @@ mod tests {
             ("name,x,y,z\n", 0, "has no points"),
             ("name,x,y,z\nA,1,2\n", 2, "3 fields, the first line names 4"),
             ("name,x,y,z\nA,1,nan,3\n", 2, "y: \"nan\" is not a number"),
+            ("name,x,y,z,use\nA,1,2,3,fixed\n", 2, "use: \"fixed\" must be control or check"),
+            ("name,x,y,z,sigma_z\nA,1,2,3,0\n", 2, "a standard deviation of 0; must be above 0, in m"),
             ("name,x,y,z,cloud_x,cloud_y,cloud_z\nA,1,2,3,1,,3\n", 2, "cloud_y: \"\" is not a number"),
         ] {
             let (found_line, found) = parse(text).expect_err(text);

@@ -57,7 +57,7 @@ mod tests {
     #[test]
     fn map_has_a_color_for_each_size_of_height_difference() {
         let residual = |x: f64, horizontal_m: Option<[f64; 2]>, up_m: Option<f64>| Residual {
-            point: CheckPoint { name: "A".to_owned(), xyz: [x, 5.0, 3.0], in_cloud: None },
+            point: CheckPoint { name: "A".to_owned(), xyz: [x, 5.0, 3.0], ..CheckPoint::default() },
             horizontal_m,
             up_m,
             n_points: 20,

@@ -102,7 +102,7 @@ mod tests {
     #[test]
     fn measures_are_those_counted_by_hand() {
         let residual = |horizontal_m: Option<[f64; 2]>, up_m: Option<f64>| Residual {
-            point: CheckPoint { name: "A".to_owned(), xyz: [1.0, 2.5, 3.0], in_cloud: None },
+            point: CheckPoint { name: "A".to_owned(), xyz: [1.0, 2.5, 3.0], ..CheckPoint::default() },
             horizontal_m,
             up_m,
             n_points: 20,

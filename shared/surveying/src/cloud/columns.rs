@@ -3,6 +3,7 @@
 use super::{CloudPoint, Present};
 use delivery::ply_kind;
 use formats::ply::{Header, Kind};
+use geometry::{Point3, Pose};
 use messages::columns::{Column, ColumnField, FieldType, Presence};
 use std::collections::BTreeMap;
 
@@ -33,6 +34,8 @@ pub(crate) struct Columns {
     color: Option<[usize; 3]>,
     /// Fields of [`extra_fields`].
     extra: Vec<ExtraColumn>,
+    /// Motion of the points by the adjustment of a survey.
+    correction: Option<Pose>,
 }
 
 /// A field of [`extra_fields`] in a row.
@@ -130,7 +133,13 @@ impl Columns {
                 _ => None,
             },
             extra: extra_fields(table).into_iter().map(extra).collect(),
+            correction: None,
         })
+    }
+
+    /// Moves all points of the cloud.
+    pub(crate) fn corrected(self, correction: Option<Pose>) -> Self {
+        Self { correction, ..self }
     }
 
     pub(crate) fn row_size(&self) -> usize {
@@ -150,9 +159,12 @@ impl Columns {
     /// The point of a row.
     #[inline]
     pub(crate) fn point(&self, row: &[u8]) -> CloudPoint {
-        let coordinates = |at: usize| match self.coordinates {
-            Kind::Double => std::array::from_fn(|k| f64::from_le_bytes(field(row, at + 8 * k))),
-            _ => std::array::from_fn(|k| f64::from(f32::from_le_bytes(field(row, at + 4 * k)))),
+        let coordinates = |at: usize| {
+            let xyz = match self.coordinates {
+                Kind::Double => std::array::from_fn(|k| f64::from_le_bytes(field(row, at + 8 * k))),
+                _ => std::array::from_fn(|k| f64::from(f32::from_le_bytes(field(row, at + 4 * k)))),
+            };
+            self.correction.map_or(xyz, |correction| (correction * Point3::from(xyz)).coords.into())
         };
         let ScanLine { frame, lidar, ring } = self.scan_line(row);
         CloudPoint {

@@ -15,10 +15,12 @@ pub(crate) struct Spectra {
     n_bands: usize,
 }
 
-/// Names of the bands of a run. All clouds of spectra must have the same bands. Empty without spectra.
-pub(crate) fn band_names(run: &RunFolder) -> Result<Vec<String>, DeliverError> {
-    let file = run.index.clouds.iter().find_map(|cloud| cloud.spectra.as_ref());
-    let Some(file) = file else { return Ok(Vec::new()) };
+/// Names of the bands of runs. All clouds of spectra must have the same bands. Empty without spectra.
+pub(crate) fn band_names(runs: &[RunFolder]) -> Result<Vec<String>, DeliverError> {
+    let mut clouds = runs.iter().flat_map(|run| run.index.clouds.iter().map(move |cloud| (run, cloud)));
+    let Some((run, file)) = clouds.find_map(|(run, cloud)| Some((run, cloud.spectra.as_ref()?))) else {
+        return Ok(Vec::new());
+    };
     let rows = PlyRows::open(&run.path().join(&file.file))?;
     Ok(bands(&rows).map(|(name, _)| name).collect())
 }
@@ -36,10 +38,10 @@ fn bands(rows: &PlyRows) -> impl Iterator<Item = (String, usize)> + '_ {
 impl Spectra {
     /// Reads the spectra of a cloud, which holds the points of one submap. `names` are the bands of the run; if it is
     /// empty, there are no spectra.
-    pub(crate) fn load(run: &RunFolder, cloud: &Cloud<'_>, names: &[String]) -> Result<Self, DeliverError> {
+    pub(crate) fn load(cloud: &Cloud<'_>, names: &[String]) -> Result<Self, DeliverError> {
         let mut spectra = Self { points: Vec::new(), values: Vec::new(), n_bands: names.len() };
         let Some(entry) = cloud.entry.spectra.as_ref().filter(|_| !names.is_empty()) else { return Ok(spectra) };
-        let path: PathBuf = run.path().join(&entry.file);
+        let path: PathBuf = cloud.run.path().join(&entry.file);
         let rows = PlyRows::open(&path)?;
         let (found, at): (Vec<String>, Vec<usize>) = bands(&rows).unzip();
         if found != names {

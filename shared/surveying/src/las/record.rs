@@ -3,7 +3,7 @@
 //! ```text
 //!  0  3 x i32 coordinates      17  u8 user data, 0
 //! 12  u16 intensity            18  i16 scan angle, 0.006 degrees
-//! 14  u8 return 1 of 1         20  u16 point source: number of the submap + 1
+//! 14  u8 return 1 of 1         20  u16 point source: number of the submap, or of the drive in a survey, + 1
 //! 15  u8 scanner channel       22  f64 GPS time
 //! 16  u8 class                 30  3 x u16 red, green, blue
 //!                              36  extra bytes
@@ -49,8 +49,8 @@ pub(crate) struct RecordSource<'a> {
     pub(crate) row: &'a [u8],
     /// Its coordinates, steps of [`SCALE_M`].
     pub(crate) stored: [i32; 3],
-    /// Number of the submap + 1; 0 means that the source is unknown.
-    pub(crate) submap: u16,
+    /// Number of the submap, or of the drive in a survey, + 1; 0 means that the source is unknown.
+    pub(crate) source: u16,
     /// Direction of travel in the frame of the cloud.
     pub(crate) forward: [f64; 2],
     /// A reflectance for each band. `None` if no camera recorded the point.
@@ -61,6 +61,12 @@ pub(crate) struct RecordSource<'a> {
 #[inline]
 pub(crate) fn position_of(record: &[u8]) -> [i32; 3] {
     std::array::from_fn(|axis| i32::from_le_bytes(record[4 * axis..4 * axis + 4].try_into().expect("4 bytes")))
+}
+
+/// Point source of a record.
+#[inline]
+pub(crate) fn source_of(record: &[u8]) -> u16 {
+    u16::from_le_bytes([record[20], record[21]])
 }
 
 /// GPS time of a record, s.
@@ -103,7 +109,7 @@ impl RecordLayout {
     /// Writes a record.
     #[inline]
     pub(crate) fn encode(&self, source: &RecordSource<'_>, record: &mut [u8]) {
-        let RecordSource { point, columns, row, stored, submap, forward, spectrum } = *source;
+        let RecordSource { point, columns, row, stored, source: number, forward, spectrum } = *source;
         let mut at = 0;
         let mut put = |bytes: &[u8]| {
             record[at..at + bytes.len()].copy_from_slice(bytes);
@@ -116,7 +122,7 @@ impl RecordLayout {
         let class = if self.has_classes { self.asprs[usize::from(point.class)] } else { NEVER_CLASSIFIED };
         put(&[ONE_OF_ONE, point.lidar.min(N_CHANNELS - 1) << 4, class, 0]);
         put(&scan_angle(point, forward).to_le_bytes());
-        put(&submap.to_le_bytes());
+        put(&number.to_le_bytes());
         put(&adjusted_gps_from_unix(point.time_s).to_le_bytes());
         for channel in point.rgb {
             put(&(u16::from(channel) * WIDE_COLOR).to_le_bytes());
@@ -222,7 +228,7 @@ mod tests {
             columns: &columns,
             row: &row,
             stored,
-            submap: 5,
+            source: 5,
             forward: [1.0, 0.0],
             spectrum,
         };

@@ -1,6 +1,7 @@
 //! The cells of one tile.
 
 use messages::{ClassId, GROUND_CLASSES};
+use std::collections::BTreeMap;
 
 /// Cells along one side of a tile.
 pub(super) const TILE: usize = 256;
@@ -17,6 +18,8 @@ pub(super) struct Cells {
     pub(super) height: Vec<f32>,
     /// Mean of the ground points, m.
     pub(super) terrain: Vec<f32>,
+    /// Largest difference between the drives of a survey in the mean of the ground points, m.
+    pub(super) difference: Vec<f32>,
     /// Class of the highest point.
     pub(super) class: Vec<u8>,
     /// sRGB of the highest point with a color; the fourth channel is 255, or 0 without such a point.
@@ -30,6 +33,8 @@ pub(super) struct CellsBuilder {
     colored: Vec<(i32, [u8; 4])>,
     /// Sum of heights, mm, and number of ground points.
     ground: Vec<(i64, u32)>,
+    /// Sum of heights, mm, and number of ground points by cell and source, for surveys.
+    ground_by_source: BTreeMap<(usize, u16), (i64, u32)>,
     is_ground: [bool; 256],
 }
 
@@ -39,6 +44,7 @@ impl Cells {
             highest: vec![(i32::MIN, NO_CLASS); N_CELLS],
             colored: vec![(i32::MIN, [0; 4]); N_CELLS],
             ground: vec![(0, 0); N_CELLS],
+            ground_by_source: BTreeMap::new(),
             is_ground: std::array::from_fn(|id| {
                 ClassId::from_id(id as u8).is_some_and(|class| GROUND_CLASSES.contains(&class))
             }),
@@ -50,6 +56,7 @@ impl Cells {
         let mut joined = Self {
             height: vec![NO_HEIGHT; N_CELLS],
             terrain: vec![NO_HEIGHT; N_CELLS],
+            difference: vec![NO_HEIGHT; N_CELLS],
             class: vec![NO_CLASS; N_CELLS],
             color: vec![[0; 4]; N_CELLS],
         };
@@ -64,6 +71,7 @@ impl Cells {
                 let idx = (top + row) * TILE + left + column;
                 joined.height[idx] = mean(four.map(|k| quarter.height[k]));
                 joined.terrain[idx] = mean(four.map(|k| quarter.terrain[k]));
+                joined.difference[idx] = mean(four.map(|k| quarter.difference[k]));
                 joined.class[idx] = most_frequent(four.map(|k| quarter.class[k]));
                 joined.color[idx] = mean_color(four.map(|k| quarter.color[k]));
             }
@@ -90,9 +98,32 @@ impl CellsBuilder {
         }
     }
 
+    /// Adds a ground point of a drive of a survey to the differences between drives.
+    pub(super) fn add_to_difference(&mut self, idx: usize, z_mm: i32, class: u8, source: u16) {
+        if self.is_ground[usize::from(class)] {
+            let (sum, n) = self.ground_by_source.entry((idx, source)).or_default();
+            *sum += i64::from(z_mm);
+            *n += 1;
+        }
+    }
+
+    /// Differences between the drives.
+    fn difference(&self) -> Vec<f32> {
+        let mut difference = vec![NO_HEIGHT; N_CELLS];
+        let cells: Vec<(usize, f64)> =
+            self.ground_by_source.iter().map(|((idx, _), (sum, n))| (*idx, *sum as f64 / f64::from(*n))).collect();
+        for cell in cells.chunk_by(|a, b| a.0 == b.0).filter(|cell| cell.len() > 1) {
+            let heights = || cell.iter().map(|(_, height)| *height);
+            let range = heights().fold(f64::MIN, f64::max) - heights().fold(f64::MAX, f64::min);
+            difference[cell[0].0] = (range / 1000.0) as f32;
+        }
+        difference
+    }
+
     pub(super) fn finish(self) -> Cells {
         let metres = |mm: f64| (mm / 1000.0) as f32;
         Cells {
+            difference: self.difference(),
             height: self
                 .highest
                 .iter()
@@ -150,6 +181,19 @@ mod tests {
             (cells.height[0], cells.terrain[0], cells.class[0], cells.color[0]),
             (-9999.0, -9999.0, 255, [0; 4])
         );
+    }
+
+    #[test]
+    fn difference_is_the_range_of_the_ground_of_the_drives() {
+        let mut cells = Cells::builder();
+        for (z, class, source) in [(1000, 7, 1), (1040, 7, 1), (1060, 8, 2), (990, 8, 3), (5000, 1, 3)] {
+            cells.add_to_difference(300, z, class, source);
+        }
+        cells.add_to_difference(301, 1000, 7, 1);
+        let cells = cells.finish();
+        // 1.02, 1.06 and 0.99 m; the wall does not count.
+        assert!((cells.difference[300] - 0.07).abs() < 1e-6, "{}", cells.difference[300]);
+        assert_eq!(cells.difference[301], NO_HEIGHT);
     }
 
     #[test]

@@ -25,6 +25,7 @@ const CLASSIC_BYTES: u64 = u32::MAX as u64;
 pub(super) enum Content<'a> {
     Height,
     Terrain,
+    Difference,
     /// Classes with sRGB by class id.
     Class(&'a [[u8; 3]; 256]),
     Color,
@@ -84,6 +85,7 @@ impl Content<'_> {
         match self {
             Self::Height => floats(&cells.height),
             Self::Terrain => floats(&cells.terrain),
+            Self::Difference => floats(&cells.difference),
             Self::Class(_) => cells.class.clone(),
             Self::Color => cells.color.concat(),
         }
@@ -95,7 +97,7 @@ impl Content<'_> {
     /// Bits of each sample.
     fn bits(self) -> Vec<u16> {
         match self {
-            Self::Height | Self::Terrain => vec![32],
+            Self::Height | Self::Terrain | Self::Difference => vec![32],
             Self::Class(_) => vec![8],
             Self::Color => vec![8; 4],
         }
@@ -208,7 +210,7 @@ impl<'a> ImageTiles<'a> {
         tags.shorts(
             262,
             &[match self.content {
-                Content::Height | Content::Terrain => 1,
+                Content::Height | Content::Terrain | Content::Difference => 1,
                 Content::Color => 2,
                 Content::Class(_) => 3,
             }],
@@ -239,7 +241,7 @@ impl<'a> ImageTiles<'a> {
             tags.shorts(34_735, &geo_keys(frame));
         }
         match self.content {
-            Content::Height | Content::Terrain => tags.text(42_113, &NO_HEIGHT.to_string()),
+            Content::Height | Content::Terrain | Content::Difference => tags.text(42_113, &NO_HEIGHT.to_string()),
             Content::Class(_) => tags.text(42_113, &NO_CLASS.to_string()),
             Content::Color => (),
         }

@@ -44,6 +44,10 @@ impl Georeference {
         Ok(Self { local: origin.map(LocalFrame::new), utm })
     }
 
+    /// The placement of clouds in a local frame.
+    pub(crate) fn for_local(local: LocalFrame) -> Self {
+        Self { local: Some(local), utm: None }
+    }
     /// The local frame. `None` if the run is not georeferenced.
     pub fn local(&self) -> Option<&LocalFrame> {
         self.local.as_ref()

@@ -1,20 +1,14 @@
-//! SBET, smoothed best estimate of trajectory (Applanix): 17 little-endian doubles for each pose.
-//!
-//! ```text
-//!  0  time, s of the GPS week           7  roll, pitch, heading, rad (body: forward, right, down)
-//!  1  latitude, longitude, rad         10  wander angle, rad: 0
-//!  3  height above the ellipsoid, m    11  acceleration of the body, m/s²: 0
-//!  4  velocity north, east, down, m/s  14  turn rates of the body, rad/s
-//! ```
+//! SBET (see [`formats::sbet`]) of a run: velocities towards north, east and down, no wander angle, no accelerations.
 
 use super::level_pose;
 use formats::gps_time::week_seconds_from_unix;
+use formats::sbet::{RECORD_BYTES, SbetRecord};
 use geometry::{LocalFrame, Point3, Pose, Trajectory, UnitQuaternion, Vector3};
 
 /// The content of an SBET file. Times continue to count beyond the end of a week. Accelerations are not estimated.
 pub(super) fn bytes(trajectory: &Trajectory, local: &LocalFrame) -> Vec<u8> {
     let poses = trajectory.poses();
-    let mut bytes = Vec::with_capacity(poses.len() * 17 * 8);
+    let mut bytes = Vec::with_capacity(poses.len() * RECORD_BYTES);
     let unix_s = |i: usize| poses[i].0.0 as f64 * 1e-9;
     // A week may end during the drive.
     let first_s = poses.first().map_or(0.0, |_| week_seconds_from_unix(unix_s(0)));
@@ -30,11 +24,20 @@ pub(super) fn bytes(trajectory: &Trajectory, local: &LocalFrame) -> Vec<u8> {
         let turn = (before.1.rotation.inverse() * after.1.rotation).scaled_axis() / seconds;
         let (roll, pitch, heading) = attitude(&level);
         let heading = heading.rem_euclid(std::f64::consts::TAU);
-        let latitude = place.latitude_deg.to_radians();
-        let longitude = place.longitude_deg.to_radians();
-        let doubles = [time_s, latitude, longitude, place.altitude_m, velocity.y, velocity.x, -velocity.z];
-        let doubles = doubles.into_iter().chain([roll, pitch, heading, 0.0, 0.0, 0.0, 0.0, turn.x, -turn.y, -turn.z]);
-        bytes.extend(doubles.flat_map(f64::to_le_bytes));
+        let record = SbetRecord {
+            time_s,
+            latitude_rad: place.latitude_deg.to_radians(),
+            longitude_rad: place.longitude_deg.to_radians(),
+            altitude_m: place.altitude_m,
+            velocity: [velocity.y, velocity.x, -velocity.z],
+            roll_rad: roll,
+            pitch_rad: pitch,
+            platform_heading_rad: heading,
+            wander_rad: 0.0,
+            acceleration: [0.0; 3],
+            turn_rates: [turn.x, -turn.y, -turn.z],
+        };
+        bytes.extend(record.to_bytes());
     }
     bytes
 }

@@ -38,7 +38,8 @@ fn surface_of_the_cloud_gives_the_residual_of_the_height() {
     let _ = writeln!(text, "D,{0},{1},{2},{3},{1},{2}", d.0, d.1, d.2, d.0 + 0.04);
     std::fs::write(&file, text).expect("writes");
     let comparison =
-        write_check_points(&opened, &frame, load_check_points(&file).expect("loads"), &out).expect("compares");
+        write_check_points(std::slice::from_ref(&opened), &frame, load_check_points(&file).expect("loads"), &out)
+            .expect("compares");
     let accuracy = &comparison.accuracy;
     let outside: Vec<&str> = comparison.outside().map(|point| point.name.as_str()).collect();
     assert_eq!((outside, comparison.unusable([[0.0; 3]; 2])), (vec!["C"], None));
@@ -78,8 +79,9 @@ fn check_points_outside_of_the_cloud_are_reported_with_the_probable_cause() {
         ),
         ([10.0, 2.0, 0.0], "hint: write the table in the coordinates of the delivery"),
     ] {
-        let points = vec![CheckPoint { name: "A".to_owned(), xyz, in_cloud: None }];
-        let comparison = write_check_points(&opened, &frame, points, folder.path()).expect("compares");
+        let points = vec![CheckPoint { name: "A".to_owned(), xyz, ..CheckPoint::default() }];
+        let comparison =
+            write_check_points(std::slice::from_ref(&opened), &frame, points, folder.path()).expect("compares");
         let text = comparison.unusable(cloud).expect("is not usable");
         assert!(text.contains("none of 1 check points lies in the cloud") && text.contains(hint), "{text}");
         let x = format!("the check points have x {:.2} to {:.2}", xyz[0], xyz[0]);

@@ -8,7 +8,8 @@ fn deliver(run: &Path, out: &Path) -> LasContent {
     let run = RunFolder::open(run).expect("opens");
     let frame = utm(run.georeference.as_ref().expect("is placed"));
     std::fs::create_dir_all(out).expect("made");
-    let file = write_copc(&run, &frame, &options(), out, "points.copc.laz", |_| ()).expect("writes");
+    let file =
+        write_copc(std::slice::from_ref(&run), &frame, &options(), out, "points.copc.laz", |_| ()).expect("writes");
     LasContent::read(&out.join(file.file))
 }
 
@@ -63,7 +64,8 @@ fn every_point_is_in_the_cube_of_its_node_and_those_of_the_run_are_there() {
     let opened = RunFolder::open(&run).expect("opens");
     let frame = utm(opened.georeference.as_ref().expect("is placed"));
     let tiling = Tiling { side_m: 0, is_compressed: false };
-    let files = write_tiles(&opened, &frame, &options(), tiling, &out, |_| ()).expect("writes").files;
+    let files =
+        write_tiles(std::slice::from_ref(&opened), &frame, &options(), tiling, &out, |_| ()).expect("writes").files;
     let mut expected = LasContent::read(&out.join(&files[0].file)).records;
     let mut found = copc.records;
     expected.sort();

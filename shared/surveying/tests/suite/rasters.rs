@@ -55,7 +55,7 @@ fn cells_have_the_heights_classes_and_colors_of_their_points() {
     let opened = RunFolder::open(&run).expect("opens");
     let frame = utm(opened.georeference.as_ref().expect("is placed"));
     let rasters = RasterOptions { cell_mm: 200, class_colors: [[1, 2, 3]; 256] };
-    let names = write_rasters(&opened, &frame, &options(), rasters, &out).expect("writes");
+    let names = write_rasters(std::slice::from_ref(&opened), &frame, &options(), rasters, &out).expect("writes");
     assert_eq!(names, ["height.tif", "terrain.tif", "class.tif", "color.tif"]);
     // The wall and the ground are in the same cell.
     let [x, y, z] = frame.from_cloud([0.2, 0.0, 6.0]).expect("converts");

@@ -12,7 +12,7 @@ fn deliver(run: &Path, out: &Path, tiling: Tiling) -> WrittenTiles {
     let run = RunFolder::open(run).expect("opens");
     let frame = utm(run.georeference.as_ref().expect("is placed"));
     std::fs::create_dir_all(out).expect("made");
-    write_tiles(&run, &frame, &options(), tiling, out, |_| ()).expect("writes")
+    write_tiles(std::slice::from_ref(&run), &frame, &options(), tiling, out, |_| ()).expect("writes")
 }
 
 /// Numbers of the cloud and of the point in it, by the time of a record.
@@ -128,7 +128,8 @@ fn local_coordinates_are_those_of_the_clouds_without_reference_system() {
     let mut options = options();
     options.note = "not georeferenced: a reason".to_owned();
     let tiling = Tiling { side_m: 0, is_compressed: false };
-    let files = write_tiles(&opened, &frame, &options, tiling, &out, |_| ()).expect("writes").files;
+    let files =
+        write_tiles(std::slice::from_ref(&opened), &frame, &options, tiling, &out, |_| ()).expect("writes").files;
     let content = LasContent::read(&out.join(&files[0].file));
     assert_eq!(content.records.len(), points.len());
     for record in &content.records {

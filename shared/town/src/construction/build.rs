@@ -16,7 +16,7 @@ use crate::streets::lane::{self, Lane};
 use crate::streets::motorway;
 use crate::streets::network::Network;
 use crate::streets::paving::Pavings;
-use random::Random;
+use random::{Random, hash};
 use raytrace::Bvh;
 use std::sync::Arc;
 
@@ -41,13 +41,20 @@ pub struct Drive {
 }
 
 /// Builds the town of a kind and seed, and a drive of `seconds` through it. Only the surroundings of the driven path are
-/// built.
-pub fn build(kind: Town, seed: u64, seconds: f64, traffic: Traffic) -> Drive {
+/// built. All passes have the same town, but their own traffic: 0 is the first drive, odd passes drive back in the opposite
+/// lane, even ones follow the first.
+pub fn build(kind: Town, seed: u64, seconds: f64, traffic: Traffic, pass: u64) -> Drive {
     let mut random = Random::for_hashed_stream(seed, 0x00c1_7100);
-    let (mut town, tour) = plan(kind, seed, seconds, &mut random);
+    let (mut town, mut tour) = plan(kind, seed, seconds, &mut random);
     town.traffic = traffic;
     town.pave();
     town.fill(&mut random);
+    if pass > 0 {
+        random = Random::for_hashed_stream(hash(seed, pass), 0x00c1_7100);
+        if pass % 2 == 1 {
+            tour = town.turn_around(&tour);
+        }
+    }
     let movers = town.traffic(&tour, &mut random);
     let TownBuilder { builder, .. } = town;
     let scene = Scene::new(Bvh::new(builder.primitives), movers, builder.surfaces);
@@ -131,6 +138,24 @@ fn stops(network: &Network, legs: &[[f64; 2]], round_m: f64, random: &mut Random
 }
 
 impl TownBuilder {
+    /// The drive back from the end of a tour to its start. Traffic is built for this direction from now on.
+    fn turn_around(&mut self, tour: &Tour) -> Tour {
+        self.network.round = self.network.round.iter().rev().map(|leg| leg.reversed()).collect();
+        let Some(Lane { path, legs }) = lane::around(&self.network, &self.network.round, -self.network.lanes_t()[0])
+        else {
+            unreachable!("every street map has a round");
+        };
+        let [first, last] = [0.0, tour.seconds].map(|seconds| tour.path.point(tour.speed.distance_m(seconds)));
+        let start_m = path.nearest_m(&last);
+        let driven_m = (path.nearest_m(&first) - start_m).rem_euclid(path.length_m());
+        let path = Arc::new(path);
+        // Nothing is built beyond the start of the first drive.
+        let end = Stop { at_m: start_m + driven_m, seconds: tour.seconds };
+        let driver = Driver { stops: vec![end], ..tour.driver.clone() };
+        let speed = Arc::new(SpeedProfile::from_rest(&path, &driver, start_m, tour.seconds));
+        Tour { path, legs, driver, speed, seconds: tour.seconds }
+    }
+
     /// Builds the ground.
     pub fn pave(&mut self) {
         for street in self.built_streets() {
@@ -202,6 +227,20 @@ mod tests {
         let ray = Ray { origin, direction: -Vec3::z(), seed: 0 };
         let (range, primitive) = ground.nearest(&ray, 50.0)?;
         Some((town.builder.surfaces[primitive.surface as usize].class, 2.0 - f64::from(range)))
+    }
+
+    #[test]
+    fn passes_share_the_town_and_the_drive_back_returns() {
+        for (kind, seed) in [(Town::Urban, 1), (Town::Suburban, 2), (Town::Rural, 3)] {
+            let [first, back, again] = [0, 1, 2].map(|pass| build(kind, seed, 20.0, Traffic::Normal, pass));
+            assert_eq!(first.scene.statics().len(), back.scene.statics().len());
+            let at = |drive: &Drive, seconds: f64| drive.path.point(drive.speed.distance_m(seconds));
+            let off = (at(&first, 20.0) - at(&back, 0.0)).norm();
+            assert!((2.0..8.0).contains(&off), "{kind:?}: the drive back starts {off} m away");
+            let off = (at(&first, 0.0) - at(&back, 20.0)).norm();
+            assert!(off < 30.0, "{kind:?}: the drive back ends {off} m away");
+            assert_eq!(at(&first, 13.0), at(&again, 13.0));
+        }
     }
 
     #[test]

@@ -13,8 +13,8 @@ const ROOT_M: f32 = 0.3;
 
 /// A street lamp of any kind; an arm reaches along the frame's y, over the road.
 pub fn lamp_post(b: &mut SceneBuilder, pose: &Isometry3<f32>, random: &mut Random) {
-    let kind = *random.pick(&[arm_lamp, arm_lamp, mast_lamp, lantern]);
-    kind(b, pose, random);
+    let kinds: [fn(&mut SceneBuilder, &Isometry3<f32>, &mut Random); 4] = [arm_lamp, arm_lamp, mast_lamp, lantern];
+    random.pick(&kinds)(b, pose, random);
 }
 
 /// A post of 6.5 to 8 m with a curved arm of 1.4 m.

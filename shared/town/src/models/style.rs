@@ -90,16 +90,9 @@ pub enum Roof {
 impl Style {
     /// Style of a house between others in a town.
     pub fn urban(random: &mut Random) -> Self {
-        let style = *random.pick(&[
-            Self::haussmann,
-            Self::haussmann,
-            Self::faubourg,
-            Self::faubourg,
-            Self::brick,
-            Self::modern,
-            Self::office,
-        ]);
-        style(random)
+        let styles: [fn(&mut Random) -> Self; 7] =
+            [Self::haussmann, Self::haussmann, Self::faubourg, Self::faubourg, Self::brick, Self::modern, Self::office];
+        random.pick(&styles)(random)
     }
 
     /// Dressed limestone, iron balconies along the front, zinc mansards: Paris after 1853.

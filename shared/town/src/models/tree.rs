@@ -16,8 +16,9 @@ const GOLDEN: f32 = 2.399_963;
 
 /// A tree of any kind that stands along streets.
 pub fn build(b: &mut SceneBuilder, pose: &Isometry3<f32>, random: &mut Random) {
-    let kind = *random.pick(&[deciduous, deciduous, deciduous, plane_tree, plane_tree, poplar, sapling]);
-    kind(b, pose, random);
+    let kinds: [fn(&mut SceneBuilder, &Isometry3<f32>, &mut Random); 7] =
+        [deciduous, deciduous, deciduous, plane_tree, plane_tree, poplar, sapling];
+    random.pick(&kinds)(b, pose, random);
 }
 
 /// A lime or maple of 7 to 11 m.

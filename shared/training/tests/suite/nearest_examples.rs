@@ -5,11 +5,10 @@ use messages::{ClassId, ClassRow, SubmapHeader, SubmapPoint, SubmapSweep};
 use random::Random;
 use segmentation::network::NetworkSpec;
 use segmentation::spherical::{
-    ARCHITECTURE, Features, GroundUse, N_FEATURES, PolarImage, RangeSweep, Settings, SphericalModel, VERSION, features,
-    range_sweeps,
+    ColumnExamples, Features, GroundUse, N_FEATURES, PolarImage, RangeSweep, Settings, features, range_sweeps,
 };
-use segmentation::{ModelCard, ModelInput, Segmenter};
-use training::{Dataset, Example, NearestExamples, UNKNOWN, Variables};
+use segmentation::{ModelInput, Options, Refinement, SegmentationError};
+use training::{Dataset, Example, UNKNOWN, Variables, draw_examples};
 
 const RINGS: u8 = 16;
 const FIRINGS: u32 = 512;
@@ -25,6 +24,8 @@ fn settings() -> Settings {
         vote_cell_m: 0.2,
         temperature: 1.0,
         ground_intensities: None,
+        nearest: None,
+        notice: None,
         features: Features::default(),
         ground: GroundUse::Kept,
     }
@@ -109,14 +110,14 @@ fn nearest_examples_beat_untrained_last_layer() {
         (sweep.polar, truth)
     };
     let data = Labeled(range_sweeps(&cloud, settings.columns, &heights_m).into_iter().map(of_sweep).collect());
-    let draw =
-        |per_class: usize, k: usize| NearestExamples::draw(&settings, &weights, &data, per_class, k).expect("draws");
-    let share_right = |examples: Option<NearestExamples>| {
-        let card = ModelCard { architecture: ARCHITECTURE.to_owned(), version: VERSION, digest: 0 };
-        let mut model = SphericalModel::new(card, settings.clone(), &weights).expect("fits");
-        if let Some(examples) = examples {
-            model = model.with_classifier(Box::new(examples), &weights).expect("fits");
-        }
+    let draw = |per_class: usize| draw_examples(&settings, &weights, &data, per_class).expect("draws");
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let share_right = |bytes: Result<Vec<u8>, SegmentationError>| {
+        let path = folder.path().join("model.safetensors");
+        std::fs::write(&path, bytes.expect("encodes")).expect("writes");
+        // The classes of this cloud have no shapes.
+        let options = Options { refinement: Refinement::NONE, ..Options::default() };
+        let model = segmentation::load(&path, &options).expect("loads");
         let mut classes = vec![ClassRow::default(); points.len()];
         model.segment(&cloud, &mut classes).expect("segments");
         let is_right = |(point, row): &(&SubmapPoint, &ClassRow)| {
@@ -125,11 +126,11 @@ fn nearest_examples_beat_untrained_last_layer() {
         };
         points.iter().zip(&classes).filter(is_right).count() as f64 / points.len() as f64
     };
-    let all = draw(usize::MAX, 1);
-    assert_eq!(all.len(), points.len());
-    let last_layer = share_right(None);
-    let own = share_right(Some(all));
-    let few = share_right(Some(draw(200, 5)));
+    let all = draw(usize::MAX);
+    assert_eq!(all.iter().map(|of_column| of_column.classes.len()).sum::<usize>(), points.len());
+    let last_layer = share_right(settings.to_bytes(&weights));
+    let own = share_right(settings.to_bytes_with_examples(&weights, 1, &all));
+    let few = share_right(settings.to_bytes_with_examples(&weights, 5, &draw(200)));
     assert!(last_layer < 0.5, "{last_layer}");
     // Every pixel is its own nearest example; errors share a cell with other points.
     assert!(own > 0.98, "{own}");
@@ -147,9 +148,9 @@ fn examples_of_unknown_classes_are_rejected_by_position_and_value() {
     let rejected = |change: &dyn Fn(&mut Vec<u8>)| {
         let known = images.iter().map(|sweep| (sweep.polar.clone(), vec![0; sweep.polar.pixels.len()]));
         let mut data = Labeled(known.collect());
-        NearestExamples::draw(&settings, &weights, &data, 10, 1).expect("known classes are accepted");
+        draw_examples(&settings, &weights, &data, 10).expect("known classes are accepted");
         change(&mut data.0[1].1);
-        NearestExamples::draw(&settings, &weights, &data, 10, 1).err().expect("is rejected").to_string()
+        draw_examples(&settings, &weights, &data, 10).expect_err("is rejected").to_string()
     };
     let n_classes = settings.classes.len();
     let columns = settings.columns;
@@ -161,4 +162,50 @@ fn examples_of_unknown_classes_are_rejected_by_position_and_value() {
     );
     let too_long = rejected(&|truth| truth.resize(truth.len() + columns, 0));
     assert!(too_long.starts_with("example 1 of the data: ") && too_long.contains("pixels have a class"), "{too_long}");
+}
+
+#[test]
+fn wrong_examples_are_refused_by_tensor_and_element() {
+    let settings = settings();
+    let weights = Variables::random(&settings.network, 1).and_then(|variables| variables.weights()).expect("variables");
+    // An example of each class, with the features of the last but one layer.
+    let n_channels = 16;
+    let column = |sign: f32| {
+        let mut of_column = ColumnExamples { vote_weights: vec![1.0, 2.0, 1.0], ..ColumnExamples::default() };
+        for class in 0..3_u8 {
+            let features: Vec<f32> = (0..n_channels).map(|i| sign * f32::from(u8::from(i % 3 == class))).collect();
+            of_column.push(&features, class);
+        }
+        of_column
+    };
+    let examples = [column(1.0), column(-1.0)];
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("nearest.safetensors");
+    let write = |examples: &[ColumnExamples]| {
+        std::fs::write(&path, settings.to_bytes_with_examples(&weights, 2, examples).expect("encodes"))
+            .expect("writes");
+    };
+    write(&examples);
+    segmentation::load(&path, &Options::default()).expect("loads");
+
+    let refused = |change: &dyn Fn(&mut ColumnExamples)| {
+        let mut wrong = examples.clone();
+        change(&mut wrong[1]);
+        write(&wrong);
+        segmentation::load(&path, &Options::default()).err().expect("is refused").to_string()
+    };
+    let class = refused(&|column| column.classes[2] = 3);
+    assert!(
+        class.contains("examples.1.classes") && class.contains("element 2 is 3, must be a class from 0 to 2"),
+        "{class}"
+    );
+    let weight = refused(&|column| column.vote_weights[0] = -1.0);
+    assert!(weight.contains("examples.1.vote_weights") && weight.contains("element 0 is -1"), "{weight}");
+    let shape = refused(&|column| column.features.truncate(24));
+    assert!(shape.contains("examples.1.features") && shape.contains("expected [3, 16]"), "{shape}");
+    let sets =
+        settings.to_bytes_with_examples(&weights, 2, &examples[..1]).expect_err("one set is missing").to_string();
+    assert!(sets.contains("1 sets of examples, must be fold = 2"), "{sets}");
+    let k = settings.to_bytes_with_examples(&weights, 0, &examples).expect_err("nothing votes").to_string();
+    assert!(k.contains("nearest.k = 0, must be 1 to 1000"), "{k}");
 }

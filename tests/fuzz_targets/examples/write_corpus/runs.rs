@@ -134,6 +134,8 @@ pub fn spherical_models() -> Vec<Vec<u8>> {
             vote_cell_m: 0.2,
             temperature: 1.0,
             ground_intensities: None,
+            nearest: None,
+            notice: None,
             features: Features::default(),
             ground: GroundUse::Kept,
         };

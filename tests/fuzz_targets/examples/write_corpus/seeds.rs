@@ -314,6 +314,8 @@ fn fix(second: i64) -> Fix {
         hdop: Some(1.0),
         satellites: 9,
         quality: 1,
+        vdop: None,
+        deviation: None,
     }
 }
 

@@ -1,5 +1,7 @@
 //! The attribute behind `real_data::test`. An attribute macro needs a crate of its own.
 
+mod presence;
+
 use proc_macro::{Literal, TokenStream, TokenTree};
 use std::path::{Path, PathBuf};
 
@@ -27,7 +29,11 @@ pub fn test(names: TokenStream, function: TokenStream) -> TokenStream {
     let setting = std::env::var("REPLICA_DATA").ok();
     if setting.as_deref() != Some("required") {
         let folder = setting.map_or_else(default_folder, PathBuf::from);
-        let absent: Vec<&str> = wanted.iter().map(String::as_str).filter(|name| !folder.join(name).exists()).collect();
+        let absent: Result<Vec<_>, _> = wanted.iter().map(|name| presence::absent(&folder, name)).collect();
+        let absent: Vec<String> = match absent {
+            Ok(absent) => absent.into_iter().flatten().collect(),
+            Err(problem) => return error(&problem),
+        };
         if !absent.is_empty() {
             let reason = Literal::string(&format!("real data is absent: {}", absent.join(", ")));
             attributes = format!("{attributes}#[ignore = {reason}]");

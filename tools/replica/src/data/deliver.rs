@@ -4,11 +4,12 @@ mod delivered;
 mod facts;
 mod finished;
 pub mod frame;
+mod source;
 
 pub use finished::open_finished_run;
 
 use super::new_folder::NewFolder;
-use anyhow::{Context, ensure};
+use anyhow::Context;
 use command_line::answer::Answer;
 use command_line::argument::InvalidValue;
 use command_line::exit_code::INCOMPLETE;
@@ -18,14 +19,15 @@ use facts::Facts;
 use frame::{ChosenFrame, CrsChoice};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use pictures::class_color::class_color;
+use source::Source;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use surveying::check_points::{CheckPoint, load_check_points, write_check_points};
 use surveying::objects::write_objects;
 use surveying::{
-    CloudOptions, PointFile, RasterOptions, RunFolder, TargetFrame, Tiling, WrittenTiles, write_cloudcompare,
-    write_copc, write_rasters, write_semantic_kitti, write_tiles, write_trajectory,
+    CloudOptions, PointFile, RasterOptions, TargetFrame, Tiling, WrittenTiles, write_cloudcompare, write_copc,
+    write_rasters, write_semantic_kitti, write_tiles, write_trajectory,
 };
 
 /// Largest side of a tile, m.
@@ -42,7 +44,7 @@ const MAX_SYSTEM: usize = 32;
 /// `generating software` of the headers.
 pub const SOFTWARE: &str = concat!("REPLICA ", env!("CARGO_PKG_VERSION"));
 
-/// Write a finished run for surveyors: LAZ, COPC, path, objects.
+/// Write a run or a survey for surveyors: LAZ, COPC, path, objects.
 #[derive(clap::Args, Debug)]
 #[expect(clippy::struct_excessive_bools, reason = "a flag for each kind of file")]
 #[command(
@@ -51,7 +53,7 @@ pub const SOFTWARE: &str = concat!("REPLICA ", env!("CARGO_PKG_VERSION"));
                   Example: replica deliver out/sample --out delivery --copc"
 )]
 pub struct Args {
-    /// Output folder of a finished run
+    /// Output folder of a finished run, or of `replica survey`
     run: PathBuf,
     /// Folder for the files; created if absent, must be empty
     #[arg(long, value_name = "DIR")]
@@ -121,18 +123,10 @@ fn system(text: &str) -> Result<String, InvalidValue> {
 
 /// Writes all files.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let (summary, run) = open_finished_run(&args.run, "deliver")?;
-    ensure!(
-        run.index.n_points > 0,
-        "{}: the run has {} clouds with 0 points; `deliver` needs points\nhint: `replica inspect {}` shows which sensors of the \
-         drive were used",
-        args.run.display(),
-        run.index.clouds.len(),
-        files::shell::path(&args.run)
-    );
+    let source = Source::open(&args.run)?;
     // Errors of files are reported before the clouds are read, which takes longer.
     let check_points = args.check_points.as_deref().map(load_check_points).transpose()?;
-    let frame = frame::choose(args, &run, &summary)?;
+    let frame = frame::choose(args, &source)?;
     let folder = NewFolder::create(&args.out)?;
     let out = folder.files.as_path();
     let ChosenFrame { target, unreferenced, .. } = &frame;
@@ -147,18 +141,18 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     };
     let tiling = Tiling { side_m: args.tile_m, is_compressed: !args.las };
     // Tiles read and write each point, COPC also places it.
-    let bar = progress_bar("deliver", run.index.n_points * if args.copc { 5 } else { 2 });
-    let written = write_tiles(&run, target, &options, tiling, out, |n| bar.inc(n))?;
+    let bar = progress_bar("deliver", source.n_points() * if args.copc { 5 } else { 2 });
+    let written = write_tiles(&source.runs, target, &options, tiling, out, |n| bar.inc(n))?;
     let WrittenTiles { mut files, left_out } = written;
     let n_points = files.iter().map(|file| file.n_points).sum();
     let n_tiles = files.len();
     if args.copc {
-        files.push(write_copc(&run, target, &options, out, COPC_FILE, |n| bar.inc(n))?);
+        files.push(write_copc(&source.runs, target, &options, out, COPC_FILE, |n| bar.inc(n))?);
     }
     bar.finish_and_clear();
-    let others = write_others(args, &run, target, &options, check_points, out)?;
+    let others = write_others(args, &source, target, &options, check_points, out)?;
     let unusable = others.check_points.as_ref().and_then(|found| found.unusable(bounds(&files)));
-    let facts = Facts::new(&run, &frame, n_points, &files, left_out);
+    let facts = Facts::new(&source.runs, &frame, n_points, &files, left_out);
     facts.write(out)?;
     folder.finish()?;
     let delivered = Delivered { out: &args.out, facts, others };
@@ -180,34 +174,45 @@ fn bounds(files: &[PointFile]) -> [[f64; 3]; 2] {
 /// Writes all files except LAS and COPC.
 fn write_others(
     args: &Args,
-    run: &RunFolder,
+    source: &Source,
     target: &TargetFrame<'_>,
     options: &CloudOptions,
     check_points: Option<Vec<CheckPoint>>,
     out: &Path,
 ) -> anyhow::Result<Others> {
-    let mut others = Others {
-        path: write_trajectory(run, target, out)?,
-        n_objects: write_objects(run, target, out)?,
-        ..Others::default()
-    };
+    let mut others = Others { drives: source.drives.clone(), ..Others::default() };
+    for (k, run) in source.runs.iter().enumerate() {
+        // The drives of a survey have a folder each.
+        let name = source.drives.get(k);
+        let own = name.map_or_else(|| Ok(out.to_owned()), |name| made(out, name))?;
+        others.path = write_trajectory(run, target, &own)?;
+        if let Some(n) = write_objects(run, target, &own)? {
+            *others.n_objects.get_or_insert_default() += n;
+        }
+        if args.cloudcompare {
+            let n = write_cloudcompare(run, target, args.bands, &made(&own, CLOUDCOMPARE)?)?.len();
+            add(&mut others.cloudcompare, args, CLOUDCOMPARE, name.is_some(), n);
+        }
+        if args.semantic_kitti {
+            let n = write_semantic_kitti(run, &made(&own, SEMANTIC_KITTI)?)?;
+            add(&mut others.semantic_kitti, args, SEMANTIC_KITTI, name.is_some(), n);
+        }
+    }
     if args.rasters {
         let class_colors = std::array::from_fn(|id| class_color(id as u8));
         let rasters = RasterOptions { cell_mm: args.cell_m, class_colors };
-        others.rasters = write_rasters(run, target, options, rasters, out)?;
+        others.rasters = write_rasters(&source.runs, target, options, rasters, out)?;
     }
     if let Some(points) = check_points {
-        others.set_check_points(write_check_points(run, target, points, out)?);
-    }
-    if args.cloudcompare {
-        let n_clouds = write_cloudcompare(run, target, args.bands, &made(out, CLOUDCOMPARE)?)?.len();
-        others.cloudcompare = Some(Folder { folder: args.out.join(CLOUDCOMPARE), n: n_clouds });
-    }
-    if args.semantic_kitti {
-        let n_sweeps = write_semantic_kitti(run, &made(out, SEMANTIC_KITTI)?)?;
-        others.semantic_kitti = Some(Folder { folder: args.out.join(SEMANTIC_KITTI), n: n_sweeps });
+        others.set_check_points(write_check_points(&source.runs, target, points, out)?);
     }
     Ok(others)
+}
+
+/// Counts what was written in the folder of a format.
+fn add(written: &mut Option<Folder>, args: &Args, format: &str, is_survey: bool, n: usize) {
+    let folder = if is_survey { args.out.clone() } else { args.out.join(format) };
+    written.get_or_insert(Folder { folder, n: 0 }).n += n;
 }
 
 /// Makes the folder `name` of a delivery.

@@ -19,7 +19,7 @@ use std::process::ExitCode;
                   Example: replica import recording.bag drives/mine")]
 pub struct Args {
     /// ROS bag (*.bag, *.mcap, *.db3, the folder of a ROS 2 bag, or a folder of *.bag); labeled cloud or folder of clouds of
-    /// Paris-CARLA-3D, Paris-Lille-3D, Toronto-3D or `Street3D`; folder of KITTI raw (with `velodyne_points/data`), of a KITTI odometry sequence (with `velodyne`), of nuScenes (with
+    /// Paris-CARLA-3D, Paris-Lille-3D, Toronto-3D, `Street3D` or Oakland 3-D; folder of KITTI raw (with `velodyne_points/data`), of a KITTI odometry sequence (with `velodyne`), of nuScenes (with
     /// `sweeps/LIDAR_TOP`, or *.pcd.bin), of `MandEye` (with `lidar*.laz`), or of *.bin, *.pcd, *.ply, *.las or *.laz sweeps; or
     /// the calibration file of a Ladybug (.cal)
     source: PathBuf,

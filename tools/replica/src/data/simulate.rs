@@ -46,6 +46,8 @@ pub struct Args {
         default_value_t = DriveSettings::default().lidar_errors,
     )]
     lidar_errors: LidarGrade,
+    #[arg(long, help = help("pass"), default_value_t = DriveSettings::default().pass)]
+    pass: u64,
     #[arg(long, help = help("unit_seed"), default_value_t = DriveSettings::default().unit_seed)]
     unit_seed: u64,
     #[arg(
@@ -93,6 +95,7 @@ fn simulate(args: &Args, out: &Path) -> anyhow::Result<ExitCode> {
     let settings = DriveSettings {
         town: args.town,
         seed: args.seed,
+        pass: args.pass,
         seconds: args.seconds,
         rig: args.rig.clone(),
         calibration_error_deg: args.calibration_error.deg,

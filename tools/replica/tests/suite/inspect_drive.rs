@@ -220,7 +220,7 @@ fn real_receiver_in_position_packets_is_found() {
     }
 }
 
-#[real_data::test("kitti_raw_0048")]
+#[real_data::test("kitti_raw_0048/*.pcd")]
 fn real_folder_of_sweeps_is_described() {
     let said = succeeded(&replica(&["inspect", text(&real_data::path("kitti_raw_0048"))]));
     for word in ["lidar sweeps", "  22  ", "sweeps: 22, 10.00 per second", "points have no times", "rings: 64"] {
@@ -228,7 +228,7 @@ fn real_folder_of_sweeps_is_described() {
     }
 }
 
-#[real_data::test("nuscenes")]
+#[real_data::test("nuscenes/*.pcd.bin")]
 fn real_nuscenes_folder_is_refused_with_the_reason() {
     let output = replica(&["inspect", text(&real_data::path("nuscenes"))]);
     assert_eq!(output.status.code(), Some(1), "{}", printed(&output));

@@ -11,4 +11,5 @@ mod json;
 mod returns;
 mod setup;
 mod support;
+mod survey;
 mod view;

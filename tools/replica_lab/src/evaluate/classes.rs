@@ -2,8 +2,10 @@
 
 mod coverage;
 mod error_picture;
-mod knn;
+mod folder;
 mod label_files;
+mod labelled_submap;
+mod labels;
 mod models;
 mod ranges;
 mod reliability;
@@ -11,6 +13,7 @@ mod report;
 pub mod semantic_kitti;
 mod seven;
 mod source;
+mod street_labels;
 mod tally;
 mod towns;
 
@@ -68,6 +71,9 @@ pub struct Args {
     /// Use every N-th sweep of a submap for networks on images; a fused model multiplies N by its own number
     #[arg(long, default_value_t = 1)]
     every: usize,
+    /// Number of views that vote on the classes, as `[infer] views`
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=segmentation::MOST_VIEWS as i64))]
+    views: u8,
     /// How the model uses the intensities
     #[arg(long, value_name = "USE", default_value_t = IntensityUse::Auto, value_parser = words::<IntensityUse>())]
     intensity: IntensityUse,
@@ -75,18 +81,16 @@ pub struct Args {
     #[arg(long, requires = "seeds", default_value_t = 1.0)]
     gain: f32,
     /// Correct the classes by morphology
-    #[arg(long, requires = "model", value_enum, value_delimiter = ',', default_value = "rough-ground")]
+    #[arg(long, requires = "model", value_enum, value_delimiter = ',', default_values_t = [Refine::RoughGround, Refine::VehicleShape, Refine::DrivenIsRoad])]
     refine: Vec<Refine>,
-    /// Replace the last layer of the network: the K nearest examples in feature space vote on the class (1 to 1000)
-    #[arg(long, requires_all = ["model", "examples"], value_name = "K", value_parser = clap::value_parser!(u16).range(1..=1000))]
-    knn: Option<u16>,
-    /// Recipe of the model; its first drives, one for each of its towns, provide the examples
-    #[arg(long, requires = "knn", value_name = "RECIPE")]
-    examples: Option<PathBuf>,
     /// Folder of SemanticKITTI to evaluate the model on: the data set, a sequence (velodyne/*.bin and labels/*.label), or sweeps as NumPy
     /// arrays (pairs *_points_*.npy and *_labels_*.npy). Sweeps with intensities are also scored with `--intensity raw` and `off`
     #[arg(long, requires = "model", value_name = "DIR")]
     semantickitti: Option<PathBuf>,
+    /// Folder with labelled real streets, one data set per subfolder, to evaluate the model on: sweeps as *.bin with *.label files (ids of
+    /// SemanticKITTI or RELLIS-3D), and clouds of Oakland 3-D. Sets with intensities are also scored with `--intensity raw` and `off`
+    #[arg(long, requires = "model", value_name = "DIR")]
+    street_labels: Option<PathBuf>,
     /// Points with a score below this become `unlabeled`, as with `[infer] unknown_below`, 0 to 1
     #[arg(long, requires = "model", value_name = "SCORE", default_value_t = 0.0, value_parser = argument::share)]
     unknown_below: f64,
@@ -121,6 +125,10 @@ enum Refine {
     Buildings,
     /// Terrain becomes vegetation where the ground is rough, as with `[infer] rough_ground`.
     RoughGround,
+    /// Low or tiny clusters of vehicle points get their second class, as with `[infer] vehicle_shape`.
+    VehicleShape,
+    /// Ground below the path is road, as with `[infer] driven_is_road`.
+    DrivenIsRoad,
     /// No correction.
     None,
 }
@@ -144,14 +152,17 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     if let Some(path) = &args.model {
         anyhow::ensure!(
-            !args.seeds.is_empty() || args.semantickitti.is_some(),
-            "--model needs data to evaluate the model on\nhint: --seeds 901,902 or --semantickitti DIR"
+            !args.seeds.is_empty() || args.semantickitti.is_some() || args.street_labels.is_some(),
+            "--model needs data to evaluate the model on\nhint: --seeds 901,902, --semantickitti DIR or --street-labels DIR"
         );
         anyhow::ensure!(args.every > 0, "--every 0: must be at least 1");
         let models = Models::load(path, args)?;
         sources.extend(towns::sources(models.asked.as_ref(), args, &empty)?);
         if let Some(folder) = &args.semantickitti {
             sources.extend(semantic_kitti::sources(&models, folder, &empty)?);
+        }
+        if let Some(folder) = &args.street_labels {
+            sources.extend(street_labels::sources(&models, folder, &empty)?);
         }
     }
     anyhow::ensure!(

@@ -1,21 +1,30 @@
 //! Random changes of sweeps in training; gain and height are also changed for points.
 
+mod ground_shape;
 mod intensities;
 mod sparse_view;
+mod spheres;
 mod view;
 
 use super::labeled_image::LabeledImage;
+pub use ground_shape::GroundShape;
 use intensities::augment_intensities;
 use random::Random;
 use segmentation::intensity::GroundIntensities;
 use segmentation::spherical::{PolarImage, PolarPixel};
 pub use sparse_view::{SparseImage, sparse_view};
+pub use spheres::{change_intensities, reshape_ground, shift_heights};
 use training::UNKNOWN;
 use view::random_view;
 
 /// A factor of all intensities.
 pub fn random_gain(random: &mut Random) -> f32 {
     random.range(0.7, 1.4)
+}
+
+/// An exponent of all intensities: some drivers report amplitudes, some powers, some reflectances.
+pub fn random_exponent(random: &mut Random) -> f32 {
+    2_f32.powf(random.range(-1.0, 1.0))
 }
 
 /// An error of all heights above the ground, m.
@@ -28,7 +37,7 @@ pub fn augment(
     of: LabeledImage,
     without_intensity: f32,
     trained: Option<GroundIntensities>,
-    rough_class: Option<u8>,
+    ground_shape: &GroundShape,
     random: &mut Random,
 ) -> LabeledImage {
     let mut of = random_view(of, random);
@@ -38,7 +47,7 @@ pub fn augment(
         thin_out(image, truth, random.range(0.03, 0.12));
     }
     turn(image, truth, random);
-    roughen(image, truth, rough_class, random);
+    reshape_image_ground(image, truth, ground_shape, random);
     disturb(image, random);
     if random.chance(without_intensity) {
         image.has_intensity = false;
@@ -86,15 +95,13 @@ fn thin_out(image: &mut PolarImage, truth: &mut [u8], step_m: f32) {
     }
 }
 
-/// Scatters the heights of a class: grass and soil are rougher than in the simulator. In real sweeps of HDL-64E they lie 1 to 2.5 cm
-/// from the plane of their neighbors. Leaves lie 3 to 15 cm from it: more roughness would make bushes out of grass.
-fn roughen(image: &mut PolarImage, truth: &[u8], class: Option<u8>, random: &mut Random) {
-    let (Some(class), sigma_m) = (class, 0.03 * random.unit()) else { return };
-    for (pixel, _) in image.pixels.iter_mut().zip(truth).filter(|(_, of)| **of == class) {
-        let error_m = sigma_m * random.gauss();
-        pixel.ray[2] += error_m;
-        pixel.height_m += error_m;
-    }
+/// Changes the heights of the ground.
+fn reshape_image_ground(image: &mut PolarImage, truth: &[u8], ground_shape: &GroundShape, random: &mut Random) {
+    ground_shape.each_change(truth, random, |pixel, change_m| {
+        let pixel = &mut image.pixels[pixel];
+        pixel.ray[2] += change_m;
+        pixel.height_m += change_m;
+    });
 }
 
 /// Rotates and mirrors the image: the start of a revolution is arbitrary, and streets may be mirrored.
@@ -182,11 +189,16 @@ mod tests {
         }
     }
 
+    fn rough_second_class() -> GroundShape {
+        GroundShape::new(&["building", "terrain"].map(str::to_owned))
+    }
+
     #[test]
     fn heights_follow_the_points_and_lost_points_have_no_class() {
         let mut n_lost = 0;
         for seed in 0..40 {
-            let augmented = || augment(floor(), 0.5, Some([8, 10, 12, 14, 16]), Some(1), &mut Random::new(seed));
+            let ground_shape = rough_second_class();
+            let augmented = || augment(floor(), 0.5, Some([8, 10, 12, 14, 16]), &ground_shape, &mut Random::new(seed));
             let LabeledImage { image, truth } = augmented();
             assert!(augmented().image == image, "seed {seed} gives the same image again");
             let mut offsets: Vec<f32> = Vec::new();
@@ -217,7 +229,7 @@ mod tests {
     #[test]
     fn only_the_rough_class_is_roughened() {
         let LabeledImage { mut image, truth } = floor();
-        roughen(&mut image, &truth, Some(1), &mut Random::new(2));
+        reshape_image_ground(&mut image, &truth, &rough_second_class(), &mut Random::new(2));
         for (pixel, class) in image.pixels.iter().zip(&truth) {
             assert_eq!(pixel.height_m == 0.0, *class == 0);
         }

@@ -1,7 +1,7 @@
 //! The data set of a recipe for networks on points: spheres of submaps of simulated towns and of recordings.
 
 use super::TrainingData;
-use super::augmentation::{random_gain, random_height_error_m};
+use super::augmentation::{GroundShape, change_intensities, reshape_ground, shift_heights};
 use super::camera_columns::CameraNeeds;
 use super::intensity_scale::IntensityScale;
 use super::point_recipe::PointRecipe;
@@ -30,6 +30,9 @@ pub struct PointDataset {
     counts: Vec<u64>,
     /// Intensities of the ground.
     ground: GroundHistogram,
+    /// Median intensity of the ground, when all submaps are known.
+    ground_median: Option<u8>,
+    ground_shape: GroundShape,
     settings: PointSettings,
     /// Output number by class id.
     outputs: Vec<u8>,
@@ -52,6 +55,8 @@ impl PointDataset {
             spheres: TrainingSpheres::default(),
             counts: vec![0; settings.classes.len()],
             ground: GroundHistogram::default(),
+            ground_median: None,
+            ground_shape: GroundShape::new(&settings.classes),
             outputs: ClassId::ALL.iter().map(|class| output(class).map_or(UNKNOWN, |output| output as u8)).collect(),
             needs: CameraNeeds::for_points(&settings.features),
             removed_classes: RemovedClasses::from_names(&recipe.data.removed_classes, &settings.classes)?,
@@ -85,14 +90,15 @@ impl PointDataset {
         let submap = self.file.submap(submap as usize).expect("the file is open, and of the length that was written");
         let center = submap.cloud.positions[*random.pick(&submap.points_of(class))];
         let mut sphere = submap.sphere(center, self.settings.spheres.radius_m);
+        reshape_ground(&mut sphere, &self.ground_shape, random);
         let cloud = &mut sphere.cloud;
         let factor = self.augmentation.apply(&mut cloud.positions, &mut cloud.colors, random);
-        let error_m = random_height_error_m(random);
-        cloud.heights_m.iter_mut().for_each(|height| *height = *height * factor + error_m);
-        let gain = random_gain(random);
-        cloud.intensities.iter_mut().for_each(|intensity| *intensity = (*intensity * gain).min(255.0));
+        cloud.heights_m.iter_mut().for_each(|height| *height *= factor);
+        shift_heights(cloud, random);
         if random.chance(self.without_intensity) {
             cloud.intensities.clear();
+        } else {
+            change_intensities(&mut sphere, self.ground_median, random);
         }
         Some(sphere)
     }
@@ -168,6 +174,7 @@ impl TrainingData for PointDataset {
     }
 
     fn finish(&mut self) {
+        self.ground_median = self.ground.quantiles().map(|quantiles| quantiles[quantiles.len() / 2]);
         let wanted = self.n_spheres;
         if let Some(spheres) = &mut self.validation {
             let n = spheres.len();
@@ -282,6 +289,7 @@ mod tests {
         let mut data = dataset(folder.path(), false);
         push(&mut data, 1.0);
         data.augmentation = Augmentation { elastic: Vec::new(), noise_m: 0.0, scale: 0.0, ..data.augmentation };
+        data.ground_shape = GroundShape::new(&[]);
         assert_eq!(Dataset::len(&data), 12);
         for index in 0..12 {
             let example = |seed: u64| data.example(index, Some(&mut Random::new(seed)));

@@ -53,6 +53,8 @@ pub struct PointModel {
     pub squares: Option<SquareSettings>,
     /// Divisor of the logits before they become scores, 0.1 to 10; by default calibrated on the validation data.
     pub temperature: Option<f32>,
+    /// What users of the model must know, such as a restriction by its training data. A run notes it.
+    pub notice: Option<String>,
     /// A model to start from, relative to the folder of the recipe. Tensors of the same name and shape start with its values, the
     /// others with random values; of the last layer, the outputs of classes of the same name.
     pub start: Option<PathBuf>,
@@ -125,6 +127,7 @@ impl PointRecipe {
             squares: model.squares,
             temperature: model.temperature.unwrap_or(1.0),
             ground_intensities: None,
+            notice: model.notice.clone(),
         })
     }
 }
@@ -161,15 +164,17 @@ mod tests {
     }
 
     #[test]
-    fn shipped_model_has_the_settings_of_its_recipe() {
-        let AnyRecipe::Points(recipe) = load(&shipped("points.toml")).expect("is right") else {
-            panic!("a recipe of points")
-        };
-        let model = concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/points.safetensors");
-        let model = PointModel::load(Path::new(model)).expect("loads");
-        let of_recipe = recipe.settings().expect("settings");
-        let ground_intensities = model.settings().ground_intensities;
-        assert_eq!(model.settings(), &PointSettings { ground_intensities, ..of_recipe });
+    fn shipped_models_have_the_settings_of_their_recipes() {
+        for name in ["points", "points_simulated"] {
+            let AnyRecipe::Points(recipe) = load(&shipped(&format!("{name}.toml"))).expect("is right") else {
+                panic!("a recipe of points")
+            };
+            let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../../models/{name}.safetensors"));
+            let model = PointModel::load(&path).expect("loads");
+            let of_recipe = recipe.settings().expect("settings");
+            let ground_intensities = model.settings().ground_intensities;
+            assert_eq!(model.settings(), &PointSettings { ground_intensities, ..of_recipe });
+        }
     }
 
     #[test]

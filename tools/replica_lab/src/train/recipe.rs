@@ -61,6 +61,8 @@ pub struct Model {
     pub start_share: f32,
     /// Divisor of the logits before they become scores, 0.1 to 10; by default calibrated on the validation data.
     pub temperature: Option<f32>,
+    /// What users of the model must know, such as a restriction by its training data. A run notes it.
+    pub notice: Option<String>,
     /// Name prefixes of variables that are not trained.
     #[serde(default)]
     pub frozen: Vec<String>,
@@ -146,6 +148,8 @@ impl Recipe {
             vote_cell_m: model.vote_cell_m,
             temperature: model.temperature.unwrap_or(1.0),
             ground_intensities: None,
+            nearest: None,
+            notice: model.notice.clone(),
             features: model.features.clone(),
             ground: model.ground,
         })

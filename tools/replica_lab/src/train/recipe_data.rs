@@ -84,6 +84,13 @@ pub struct RecordingSource {
     pub every: usize,
 }
 
+impl RecordingSource {
+    /// All of a recording of labeled clouds, once.
+    pub fn new(file: PathBuf) -> Self {
+        Self { file, drive: None, predicted_above: None, validation: false, weight: weight(), every: every() }
+    }
+}
+
 fn weight() -> f64 {
     1.0
 }

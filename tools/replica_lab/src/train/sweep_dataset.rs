@@ -1,12 +1,12 @@
 //! The data set of a recipe: sweeps of simulated towns and of recordings.
 
 use super::TrainingData;
-use super::augmentation::{SparseImage, augment, sparse_view};
+use super::augmentation::{GroundShape, SparseImage, augment, sparse_view};
 use super::bev_labels::bev_labels;
 use super::camera_columns::CameraNeeds;
 use super::camera_dropout::ImageAugmentation;
 use super::intensity_scale::IntensityScale;
-use super::labeled_image::{LabeledImage, images_of, output_of};
+use super::labeled_image::{LabeledImage, images_of};
 use super::recipe::Recipe;
 use super::recipe_data::{Data, Range, RecordingSource};
 use super::recorded_sweeps::RecordedSweeps;
@@ -15,7 +15,6 @@ use super::sources::{Labeled, simulate};
 use super::sweep_file::SweepFile;
 use anyhow::ensure;
 use kernels::images::Planes;
-use messages::ClassId;
 use random::Random;
 use segmentation::intensity::{GroundHistogram, GroundIntensities};
 use segmentation::network::NetworkSpec;
@@ -32,6 +31,7 @@ pub struct SweepDataset {
     /// Intensities of the ground, and their quantiles when all sources have been read.
     ground: GroundHistogram,
     ground_intensities: Option<GroundIntensities>,
+    ground_shape: GroundShape,
     settings: Settings,
     needs: CameraNeeds,
     removed_classes: RemovedClasses,
@@ -61,6 +61,7 @@ impl SweepDataset {
             counts: vec![0; settings.classes.len()],
             ground: GroundHistogram::default(),
             ground_intensities: None,
+            ground_shape: GroundShape::new(&settings.classes),
             needs: CameraNeeds::for_images(&settings.features),
             removed_classes: RemovedClasses::from_names(&recipe.data.removed_classes, &settings.classes)?,
             augmentation: recipe.augmentation,
@@ -194,8 +195,7 @@ impl Dataset for SweepDataset {
         let mut of_sweep = self.file.image(sweep).expect("the file is open, and of the length that was written");
         let is_training = random.is_some();
         if let Some(random) = random.as_deref_mut() {
-            let terrain = output_of(ClassId::Terrain, &self.settings);
-            of_sweep = augment(of_sweep, self.without_intensity, self.ground_intensities, terrain, random);
+            of_sweep = augment(of_sweep, self.without_intensity, self.ground_intensities, &self.ground_shape, random);
             self.augmentation.apply(&mut of_sweep.image, &self.settings.features.camera_bands(), random);
         }
         let input = self.input(&of_sweep.image);

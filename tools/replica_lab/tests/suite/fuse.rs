@@ -11,8 +11,8 @@ fn model(name: &str) -> PathBuf {
 fn command_of_the_model_card_writes_the_shipped_model() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("fused.safetensors");
-    let street = model("street.safetensors");
-    let points = model("points.safetensors");
+    let street = model("street_simulated.safetensors");
+    let points = model("points_simulated.safetensors");
     let priors =
         "bridge=4.95,guard-rail=1.82,pedestrian=1.11,static=5.47,terrain=1.35,traffic-light=2.72,traffic-sign=2.46";
     let settings = ["--share", "0.5", "--every", "3", "--temperature", "0.75", "--priors", priors];

@@ -84,6 +84,8 @@ pub fn fix(second: i64) -> Fix {
         hdop: Some(0.9),
         satellites: 8,
         quality: 4,
+        vdop: None,
+        deviation: None,
     }
 }
 

@@ -1,6 +1,6 @@
 //! Forms of recordings of several drivers.
 
-use super::super::{Column, ValueType};
+use super::super::{Column, PointFlags, ValueType};
 use super::*;
 
 const STAMP: i64 = 1_700_000_000_000_000_000;
@@ -20,6 +20,8 @@ fn cloud(name: &str, first: f64, span: f64) -> RawCloud {
         intensities: None,
         beams: column("ring", ValueType::U16, (0..n).map(|k| (k % 16) as f64).collect()),
         times: column(name, ValueType::F64, (0..n).map(|k| first + span * k as f64 / n as f64).collect()),
+        viewpoint: None,
+        flags: PointFlags::default(),
     }
 }
 

@@ -3,7 +3,7 @@
 use crate::error::ImportError;
 use crate::plan::TextFile;
 use crate::rings::model_of_beams;
-use formats::cloud_fields::{Elevations, MapOrigin, RawCloud, Rings, TimeForm, ValueType};
+use formats::cloud_fields::{Elevations, MapOrigin, PointFlags, RawCloud, Rings, TimeForm, ValueType};
 
 use crate::ros::cloud::RawPoint;
 use drive::TIMES_FILE;
@@ -248,8 +248,15 @@ impl Cloud {
     /// Origin of map coordinates.
     fn origin(&self) -> Result<Option<MapOrigin>, String> {
         let positions = self.points.iter().map(|point| point.position).collect();
-        let cloud =
-            RawCloud { positions, position_type: self.position_type, intensities: None, beams: None, times: None };
+        let cloud = RawCloud {
+            positions,
+            position_type: self.position_type,
+            intensities: None,
+            beams: None,
+            times: None,
+            viewpoint: None,
+            flags: PointFlags::default(),
+        };
         cloud.map_origin().map_err(|fault| fault.to_string())
     }
 }

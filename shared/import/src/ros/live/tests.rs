@@ -187,6 +187,7 @@ fn packets_are_those_of_the_sensor() {
 #[test]
 fn cut_messages_are_left_out_and_the_next_is_read() {
     let fix = Message::at(STAMP).number([0_u8]).number(1_u16.to_le_bytes()).f64s(&[48.5, 2.25, 93.5]);
+    let fix = fix.f64s(&[4.0, 0.0, 0.0, 0.0, 9.0, 0.0, 0.0, 0.0, 16.0]).number([2_u8]);
     let mut scan = Message::at(STAMP).u32(1).u32(0).u32(0);
     scan.0.extend([0; 1206]);
     for (name, whole) in [

@@ -3,7 +3,7 @@
 use super::{ATTITUDE, N, Navigation, VELOCITY};
 use crate::SensorMounting;
 use crate::prediction::sensors::{GroundVelocity, SensorLog};
-use geometry::{UnitQuaternion, Vector3};
+use geometry::{Stamp, UnitQuaternion, Vector3};
 use nalgebra::{SMatrix, SVector};
 
 /// Least speed at which a course determines north, m/s.
@@ -17,17 +17,31 @@ const MAX_REJECTED: u32 = 4;
 /// Standard deviation of the filter's velocity after such a reset, m/s.
 const RESET_MPS: f64 = 3.0;
 
+/// Acceleration over the delay of a measurement that is older than the kept velocities, m/s^2.
+const LATE_MPS2: f64 = 3.0;
+/// Acceleration of a vehicle without inertial samples, m/s^2: what an error of the stamp then adds to the velocity.
+const USUAL_MPS2: f64 = 0.5;
+
 impl Navigation {
-    /// Updates the filter at its current time with a measured velocity.
-    pub(super) fn update_velocity(&mut self, measured: &GroundVelocity, log: &SensorLog, mounting: &SensorMounting) {
+    /// Updates the filter at its current time `now` with a measured velocity, which may be older.
+    pub(super) fn update_velocity(
+        &mut self,
+        measured: &GroundVelocity,
+        now: Stamp,
+        log: &SensorLog,
+        mounting: &SensorMounting,
+    ) {
         let lever = mounting.antenna_in_body - mounting.imu_in_body;
-        let rate = log.mean(measured.stamp.plus_nanos(-20_000_000), measured.stamp.plus_nanos(20_000_000));
-        let rate = rate.map_or(self.last_rate, |mean| mean.rate - self.rate_bias);
+        let mean = log.mean(measured.stamp.plus_nanos(-20_000_000), measured.stamp.plus_nanos(20_000_000));
+        let acceleration =
+            mean.map_or(USUAL_MPS2, |mean| (self.rotation * (mean.force - self.force_bias) + self.gravity()).norm());
+        let rate = mean.map_or(self.last_rate, |mean| mean.rate - self.rate_bias);
         let by_rotation = self.rotation * rate.cross(&lever);
-        let [east, north] = measured.east_north;
         if !self.north_is_known {
             if measured.speed() > NORTH_MPS {
-                self.find_north(&(self.velocity + by_rotation), measured);
+                let then =
+                    self.level_velocity(measured.stamp).map(|velocity| self.level_from_begin.inverse() * velocity);
+                self.find_north(&(then.unwrap_or(self.velocity) + by_rotation), measured);
             } else if measured.speed() > 0.0 {
                 return;
             }
@@ -37,8 +51,15 @@ impl Navigation {
         let axes = self.level_from_begin.to_rotation_matrix();
         h.fixed_view_mut::<2, 3>(0, VELOCITY).copy_from(&axes.matrix().fixed_rows::<2>(0));
         h.fixed_view_mut::<2, 3>(0, ATTITUDE).copy_from(&-velocity.cross_matrix().fixed_rows::<2>(0));
-        let residual = SVector::<f64, 2>::new(east - velocity.x, north - velocity.y);
-        let variance = measured.sigma * measured.sigma;
+        // The change of the velocity since a late measurement is known better than the velocity.
+        let late_s = now.seconds_since(measured.stamp);
+        let then = self.level_velocity(measured.stamp);
+        let change = then.map_or_else(Vector3::zeros, |then| self.level_from_begin * self.velocity - then);
+        let is_unknown = late_s > 0.0 && then.is_none();
+        let sigma = measured.sigma + if is_unknown { LATE_MPS2 * late_s } else { 0.0 };
+        let [east, north] = measured.east_north;
+        let residual = SVector::<f64, 2>::new(east + change.x - velocity.x, north + change.y - velocity.y);
+        let variance = sigma * sigma + (acceleration * measured.late_sigma_s).powi(2);
         let innovation = h * self.covariance * h.transpose() + SMatrix::identity() * variance;
         let is_far = innovation.try_inverse().is_none_or(|inverse| residual.dot(&(inverse * residual)) > GATE);
         if is_far {
@@ -55,6 +76,17 @@ impl Navigation {
         self.last_velocity = Some(measured.stamp);
     }
 
+    /// The velocity at a time before the step, level axes; `None` if it is not kept.
+    fn level_velocity(&self, stamp: Stamp) -> Option<Vector3<f64>> {
+        let after = self.recent_velocities.partition_point(|recent| recent.stamp < stamp);
+        let b = self.recent_velocities.get(after)?;
+        if b.stamp == stamp {
+            return Some(b.velocity);
+        }
+        let a = &self.recent_velocities[after.checked_sub(1)?];
+        Some(a.velocity.lerp(&b.velocity, stamp.seconds_since(a.stamp) / b.stamp.seconds_since(a.stamp)))
+    }
+
     /// Rotates the level axes so that the body moves in the measured direction. If the velocity of the body is unknown,
     /// it moves along its x axis.
     fn find_north(&mut self, velocity: &Vector3<f64>, measured: &GroundVelocity) {
@@ -68,6 +100,9 @@ impl Navigation {
         let mut transition = SMatrix::<f64, N, N>::identity();
         transition.fixed_view_mut::<3, 3>(ATTITUDE, ATTITUDE).copy_from(rotation.to_rotation_matrix().matrix());
         self.level_from_begin = rotation * self.level_from_begin;
+        for recent in &mut self.recent_velocities {
+            recent.velocity = rotation * recent.velocity;
+        }
         self.covariance = transition * self.covariance * transition.transpose();
         self.cross_covariance *= transition.transpose();
         let heading = if is_known { (variance.sqrt() + measured.sigma) / measured.speed() } else { SLIP };

@@ -1,7 +1,7 @@
 //! The last seconds of samples and poses, and the pairs of vectors that compare them.
 
 use crate::InertialSample;
-use geometry::{Point3, Pose, Stamp, Vector3};
+use geometry::{Point3, Pose, Stamp, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
@@ -110,12 +110,13 @@ impl History {
         self.rotations_until = until;
     }
 
-    /// Calls `use_pair` with the specific forces of body and unit, each the mean over [`HALF_SPAN_S`] around a pose.
+    /// Calls `use_pair` with the specific forces of body and unit, each the mean over [`HALF_SPAN_S`] around a pose, and with
+    /// the rotation of the pose.
     pub fn take_accelerations(
         &mut self,
         imu_in_body: &Point3<f64>,
         gravity_mps2: f64,
-        mut use_pair: impl FnMut(&Vector3<f64>, &Vector3<f64>),
+        mut use_pair: impl FnMut(&Vector3<f64>, &Vector3<f64>, &UnitQuaternion<f64>),
     ) {
         let mut until = self.accelerations_until;
         let Some(last) = self.knots.back().map(|knot| knot.stamp) else { return };
@@ -140,7 +141,7 @@ impl History {
             let change = velocity(middle, end) - velocity(begin, middle);
             let acceleration = change / (0.5 * seconds(begin.stamp, end.stamp));
             let force = middle.pose.rotation.inverse() * (acceleration + Vector3::z() * gravity_mps2);
-            use_pair(&force, &self.mean_force(begin.stamp, middle.stamp, end.stamp));
+            use_pair(&force, &self.mean_force(begin.stamp, middle.stamp, end.stamp), &middle.pose.rotation);
         }
         self.accelerations_until = until;
     }

@@ -1,6 +1,7 @@
 //! Decides whether the unit is correct, wrong, or correct in other axes or units.
 
 use super::comparison::{BestFit, Fit, Sums};
+use super::force_bias::{BiasSums, ForceBias};
 use super::{
     DEGREE, GRAVITY_MPS2, InertialCheck, InertialCorrection, InertialMounting, LAG_STEP_S, LAG_STEPS, Trust, lag_s,
 };
@@ -8,8 +9,8 @@ use geometry::{UnitQuaternion, Vector3};
 use nalgebra::{Matrix3, Rotation3};
 
 /// Least number of pairs for a decision: two seconds at 10 Hz for rates, one for forces.
-const MIN_RATES: f64 = 20.0;
-const MIN_FORCES: f64 = 10.0;
+pub(super) const MIN_RATES: f64 = 20.0;
+pub(super) const MIN_FORCES: f64 = 10.0;
 /// Least number of pairs for a verification.
 const MIN_VERIFIED: f64 = 30.0;
 /// Least rotation of the body that rates can be compared with, root mean square, rad/s: a turn at a crossing has 0.3.
@@ -36,6 +37,10 @@ const MIN_LATE_S: f64 = 0.02;
 /// deviations.
 const MIN_ROTATED: f64 = 0.5 * DEGREE;
 const SIGNIFICANT: f64 = 6.0;
+/// Smaller biases of the accelerometers are not corrected, m/s^2: 1.2 degrees of inclination; industrial units have 0.05. Neither
+/// are biases below this number of standard deviations.
+const MIN_FORCE_BIAS: f64 = 0.2;
+const SIGNIFICANT_BIAS: f64 = 4.0;
 /// Least rotation for an estimate of the mounting, a sum of squares over pairs, rad^2/s^2: for example 30 degrees in 5
 /// s.
 const MIN_TURNED: f64 = 0.5;
@@ -87,16 +92,15 @@ impl InertialCheck {
             && is_small(self.forces.residual(&self.correction.force), self.forces.n());
         if self.trust == Trust::Assumed && agrees && current.n() >= MIN_VERIFIED {
             self.trust = Trust::Verified;
-            // The first samples are added to a filter that started without them.
-            self.has_changed = self.on_probation;
         }
         if agrees {
             self.estimate_rotation(&current.clone());
+            self.correct_force_bias();
         }
     }
 
     /// Index of the time offset that is corrected.
-    fn current_step(&self) -> usize {
+    pub(super) fn current_step(&self) -> usize {
         let step = (self.correction.late_s / LAG_STEP_S).round() as i64 + LAG_STEPS as i64;
         step.clamp(0, 2 * LAG_STEPS as i64) as usize
     }
@@ -167,7 +171,11 @@ impl InertialCheck {
         if is_new || matches!(self.trust, Trust::Withheld(_)) {
             let late_s = self.correction.late_s;
             let rotation = if is_new { UnitQuaternion::identity() } else { self.correction.rotation };
-            self.correction = InertialCorrection { rate, force, rotation, late_s };
+            let force_bias = if is_new { Vector3::zeros() } else { self.correction.force_bias };
+            self.correction = InertialCorrection { rate, force, rotation, force_bias, late_s };
+            if is_new {
+                self.biases = BiasSums::default();
+            }
             self.trust = Trust::Verified;
             self.has_changed = true;
         }
@@ -223,6 +231,23 @@ impl InertialCheck {
         let wanted = UnitQuaternion::from_scaled_axis(clear);
         if wanted.angle_to(&self.correction.rotation) > MIN_ROTATED {
             self.correction.rotation = wanted;
+            // The differences so far belong to another rotation.
+            self.biases = BiasSums::default();
+            self.correction.force_bias = Vector3::zeros();
+            self.has_changed = true;
+        }
+    }
+
+    /// Corrects the bias of the accelerometers if it is significant.
+    fn correct_force_bias(&mut self) {
+        let Some(ForceBias { mean, sigma }) = self.biases.estimate() else { return };
+        let current = self.correction.force_bias;
+        let wanted = Vector3::from_fn(|axis, _| {
+            let is_clear = mean[axis].abs() > (SIGNIFICANT_BIAS * sigma[axis]).max(MIN_FORCE_BIAS);
+            if is_clear { mean[axis] } else { current[axis] }
+        });
+        if (wanted - current).amax() > 0.5 * MIN_FORCE_BIAS {
+            self.correction.force_bias = wanted;
             self.has_changed = true;
         }
     }

@@ -111,6 +111,8 @@ fn epoch(motion: &Motion, spec: &GnssSpec, tracking: &mut Tracking, i: i64, sign
         hdop: Some(position.hdop),
         satellites: position.used.len() as u32,
         quality: spec.receiver.quality(),
+        vdop: None,
+        deviation: None,
     };
     let n_reflected = position.used.iter().filter(|range| range.is_reflected).count() as u32;
     Epoch { stamp, fix: Some(fix), n_in_sight, n_reflected, error: Some(position.error) }

@@ -19,6 +19,9 @@ pub struct Delivered<'a> {
 /// All files except LAS and COPC.
 #[derive(Default, Serialize)]
 pub struct Others {
+    /// Drives of a survey: the path, the objects and the clouds of each are in a folder of its name.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub drives: Vec<String>,
     /// Files of the path.
     pub path: Vec<&'static str>,
     /// `None` if the clouds have no instances.
@@ -42,7 +45,7 @@ impl Others {
     }
 }
 
-/// A folder with clouds or sweeps.
+/// A folder with clouds or sweeps; of a survey, the folder with the folders of the drives.
 #[derive(Serialize)]
 pub struct Folder {
     pub folder: PathBuf,
@@ -52,8 +55,17 @@ pub struct Folder {
 impl Delivered<'_> {
     /// The answer as text. `n_tiles` counts the files of points without the octree.
     pub fn text(&self, n_tiles: usize) -> String {
-        let Others { path, n_objects, rasters, accuracy, check_points_outside, cloudcompare, semantic_kitti, .. } =
-            &self.others;
+        let Others {
+            drives,
+            path,
+            n_objects,
+            rasters,
+            accuracy,
+            check_points_outside,
+            cloudcompare,
+            semantic_kitti,
+            ..
+        } = &self.others;
         let mut text = String::new();
         let facts = &self.facts;
         // Writing to a string cannot fail.
@@ -63,6 +75,9 @@ impl Delivered<'_> {
             [(left.without_place, "of clouds without place"), (left.not_finite, "without finite coordinates")];
         for (n, reason) in reasons.into_iter().filter(|(n, _)| *n > 0) {
             let _ = writeln!(text, "left out: {n} points {reason}");
+        }
+        if !drives.is_empty() {
+            let _ = writeln!(text, "drives, with a folder each: {}", drives.join(", "));
         }
         let _ = writeln!(text, "path: {}", path.join(", "));
         let _ = match n_objects {

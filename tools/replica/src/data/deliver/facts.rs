@@ -45,7 +45,7 @@ pub struct Left {
 
 impl<'a> Facts<'a> {
     pub fn new(
-        run: &RunFolder,
+        runs: &[RunFolder],
         ChosenFrame { target, unreferenced, outside_area }: &'a ChosenFrame<'_>,
         n_points: u64,
         files: &'a [PointFile],
@@ -60,7 +60,7 @@ impl<'a> Facts<'a> {
             heights: crs.as_ref().map(|(_, vertical)| vertical.name()),
             unreferenced: unreferenced.as_deref(),
             outside_area: outside_area.as_deref(),
-            begin_s: run.begin_nanos().map(|nanos| Stamp(nanos).to_string()),
+            begin_s: runs.iter().filter_map(RunFolder::begin_nanos).min().map(|nanos| Stamp(nanos).to_string()),
             n_points,
             left_out: Left { without_place, not_finite },
             files,

@@ -5,7 +5,7 @@ use anyhow::{Context, bail};
 use drive::MANIFEST_FILE;
 use run::summary::Summary;
 use std::path::Path;
-use surveying::RunFolder;
+use surveying::{RunFolder, SURVEY};
 
 /// Reads the summary and the files of a finished run, for a command. The error for another folder names what it is.
 pub fn open_finished_run(folder: &Path, command: &str) -> anyhow::Result<(Summary, RunFolder)> {
@@ -22,6 +22,13 @@ pub fn open_finished_run(folder: &Path, command: &str) -> anyhow::Result<(Summar
             bail!(
                 "{place}: is a drive, it has {MANIFEST_FILE}; {needs}\nhint: `replica-launch launch.toml --set run.drive={} --set \
                  run.output=out/NAME`, then `replica {command} out/NAME`",
+                files::shell::path(folder)
+            );
+        }
+        if folder.join(SURVEY).exists() {
+            bail!(
+                "{place}: is a survey, it has {SURVEY}; {needs}\nhint: `replica deliver {} --out DIR --copc`, then `replica view \
+                 DIR/points.copc.laz`",
                 files::shell::path(folder)
             );
         }

@@ -1,6 +1,7 @@
 //! The coordinates of the delivery, and whether the run determines them.
 
 use super::Args;
+use super::source::Source;
 use anyhow::{bail, ensure};
 use command_line::argument::InvalidValue;
 use command_line::say_error;
@@ -60,8 +61,10 @@ impl ChosenFrame<'_> {
     }
 }
 
-/// Fails if the run does not determine the coordinates that are wanted, unless that is allowed.
-pub fn choose<'a>(args: &Args, run: &'a RunFolder, summary: &Summary) -> anyhow::Result<ChosenFrame<'a>> {
+/// Fails if the source does not determine the coordinates that are wanted, unless that is allowed.
+pub fn choose<'a>(args: &Args, source: &'a Source) -> anyhow::Result<ChosenFrame<'a>> {
+    let Source { runs, unplaced, .. } = source;
+    let run = &runs[0];
     let georeference = run.georeference.as_ref();
     let local =
         |unreferenced| ChosenFrame { target: TargetFrame::local(georeference), unreferenced, outside_area: None };
@@ -91,9 +94,9 @@ pub fn choose<'a>(args: &Args, run: &'a RunFolder, summary: &Summary) -> anyhow:
     {
         bail!("{}: --crs auto: {error}\nhint: {POLAR}", args.run.display());
     }
-    let mut frame = projected_or_local(run, summary, wanted, geoid)?;
+    let mut frame = projected_or_local(run, unplaced, wanted, geoid)?;
     if let Some((crs, _)) = frame.target.crs()
-        && let Some(place) = place_outside(run, crs)
+        && let Some(place) = runs.iter().find_map(|run| place_outside(run, crs))
     {
         let text = outside_text(crs, &place);
         // A place outside of the margin comes first.
@@ -168,12 +171,12 @@ fn systems_that_fit(crs: &Crs, place: &Geodetic) -> String {
 
 /// The UTM zone of the place, or local coordinates if the run does not determine it.
 pub fn utm_or_local<'a>(run: &'a RunFolder, summary: &Summary) -> anyhow::Result<ChosenFrame<'a>> {
-    projected_or_local(run, summary, None, None)
+    projected_or_local(run, &unplaced(summary), None, None)
 }
 
 fn projected_or_local<'a>(
     run: &'a RunFolder,
-    summary: &Summary,
+    unplaced: &[String],
     wanted: Option<Crs>,
     geoid: Option<(String, GeoidGrid)>,
 ) -> anyhow::Result<ChosenFrame<'a>> {
@@ -184,7 +187,7 @@ fn projected_or_local<'a>(
         unreferenced: Some(reasons),
         outside_area: None,
     };
-    match (not_determined(origin.is_some(), summary), georeference, origin) {
+    match (not_determined(origin.is_some(), unplaced), georeference, origin) {
         (None, Some(georeference), Some(origin)) => {
             let crs = match wanted.map_or_else(|| Crs::utm_of(&origin), Ok) {
                 // Near the poles.
@@ -199,14 +202,17 @@ fn projected_or_local<'a>(
 }
 
 /// Why the run does not determine coordinates on the Earth.
-fn not_determined(is_placed: bool, summary: &Summary) -> Option<String> {
+fn not_determined(is_placed: bool, unplaced: &[String]) -> Option<String> {
     if !is_placed {
         return Some("the run is not placed on the Earth: it has no origin in georeference.json".to_owned());
     }
+    (!unplaced.is_empty()).then(|| unplaced.join("; "))
+}
+
+/// The doubts of a run that make its place on the Earth unknown.
+pub fn unplaced(summary: &Summary) -> Vec<String> {
     let is_unplaced = |doubt: &&ReportedDoubt| doubt.kind().map(DoubtKind::severity) == Some(Severity::Unplaced);
-    let doubts = summary.doubts().map(|(_, doubt)| doubt).filter(is_unplaced);
-    let texts: Vec<&str> = doubts.map(|doubt| doubt.text.as_str()).collect();
-    (!texts.is_empty()).then(|| texts.join("; "))
+    summary.doubts().map(|(_, doubt)| doubt).filter(is_unplaced).map(|doubt| doubt.text.clone()).collect()
 }
 
 #[cfg(test)]

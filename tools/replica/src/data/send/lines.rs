@@ -80,15 +80,18 @@ impl Lines {
             LineKind::Nmea => match nmea::parse(line).ok()? {
                 Sentence::Rmc(rmc) => rmc.stamp,
                 Sentence::Zda(zda) => zda.stamp,
-                // The time of day nearest to the last time.
-                Sentence::Gga(gga) => {
-                    let last = self.last?;
-                    let ahead = (gga.time_nanos? - last.0).rem_euclid(DAY_NANOS);
-                    Some(last.plus_nanos(if ahead > DAY_NANOS / 2 { ahead - DAY_NANOS } else { ahead }))
-                }
-                Sentence::Other => None,
+                Sentence::Gga(gga) => self.nearest(gga.time_nanos?),
+                Sentence::Gst(gst) => self.nearest(gst.time_nanos?),
+                Sentence::Gsa(_) | Sentence::Other => None,
             },
         }
+    }
+
+    /// The time of day nearest to the last time.
+    fn nearest(&self, time_nanos: i64) -> Option<Stamp> {
+        let last = self.last?;
+        let ahead = (time_nanos - last.0).rem_euclid(DAY_NANOS);
+        Some(last.plus_nanos(if ahead > DAY_NANOS / 2 { ahead - DAY_NANOS } else { ahead }))
     }
 }
 
@@ -115,6 +118,8 @@ mod tests {
             hdop: None,
             satellites: 9,
             quality: 1,
+            vdop: None,
+            deviation: None,
         };
         let path = folder.path().join("gnss.nmea");
         let first = fix(0);

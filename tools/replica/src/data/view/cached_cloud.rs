@@ -61,7 +61,7 @@ fn write_cloud(run: &RunFolder, frame: &ChosenFrame<'_>, has_bands: bool, folder
     let options =
         CloudOptions { has_bands, system: SYSTEM.to_owned(), software: SOFTWARE.to_owned(), note: frame.note() };
     let bar = progress_bar("view", run.index.n_points * PASSES);
-    write_copc(run, &frame.target, &options, folder, COPC_FILE, |n| bar.inc(n))?;
+    write_copc(std::slice::from_ref(run), &frame.target, &options, folder, COPC_FILE, |n| bar.inc(n))?;
     bar.finish_and_clear();
     Ok(())
 }

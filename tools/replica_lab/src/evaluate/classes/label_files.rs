@@ -1,5 +1,6 @@
 //! Compares label files.
 
+use super::folder::sorted_entries;
 use super::source::{Origin, Source};
 use super::tally::{Tally, TrueClass};
 use anyhow::Context;
@@ -10,12 +11,8 @@ use std::path::{Path, PathBuf};
 /// Scores each pair of files.
 pub fn sources(truth: &Path, prediction: &Path, empty: &Tally) -> anyhow::Result<Vec<Source>> {
     let pairs = if truth.is_dir() {
-        let mut files: Vec<PathBuf> = std::fs::read_dir(truth)
-            .with_context(|| truth.display().to_string())?
-            .map(|entry| Ok(entry?.path()))
-            .collect::<std::io::Result<_>>()?;
+        let mut files = sorted_entries(truth)?;
         files.retain(|path| path.extension().is_some_and(|extension| extension == "label"));
-        files.sort();
         let predicted = |path: &PathBuf| prediction.join(path.file_name().unwrap_or_default());
         files.iter().map(|path| (path.clone(), predicted(path))).collect()
     } else {

@@ -1,6 +1,6 @@
 //! The models that are evaluated.
 
-use super::{Args, Refine, knn};
+use super::{Args, Refine};
 use segmentation::intensity::IntensityUse;
 use segmentation::{Options, Refinement, Segmenter, UnknownBelow, ground_quasi_flat};
 use settings::Word;
@@ -21,8 +21,7 @@ impl Models {
         let asked = load(path, args, args.intensity)?;
         let reads_intensities = asked.card().architecture != ground_quasi_flat::ARCHITECTURE;
         let mut other_uses = Vec::new();
-        // A model with examples would have to draw them again.
-        if args.semantickitti.is_some() && args.knn.is_none() && reads_intensities {
+        if (args.semantickitti.is_some() || args.street_labels.is_some()) && reads_intensities {
             let others = [IntensityUse::Raw, IntensityUse::Off].into_iter();
             for intensity in others.filter(|intensity| *intensity != args.intensity) {
                 other_uses.push((intensity.word(), load(path, args, intensity)?));
@@ -39,11 +38,10 @@ fn load(path: &Path, args: &Args, intensity: IntensityUse) -> anyhow::Result<Box
         small_regions: refine(Refine::SmallRegions),
         buildings: refine(Refine::Buildings),
         rough_ground: refine(Refine::RoughGround),
+        vehicle_shape: refine(Refine::VehicleShape),
+        driven_is_road: refine(Refine::DrivenIsRoad),
     };
-    let options = Options { every: args.every, intensity, refinement, ..Options::default() };
-    let model: Box<dyn Segmenter> = match (args.knn, &args.examples) {
-        (Some(k), Some(recipe)) => Box::new(knn::load(path, recipe, usize::from(k))?.with_options(options)?),
-        _ => segmentation::load(path, &options)?,
-    };
-    Ok(UnknownBelow::wrap(model, args.unknown_below))
+    let options =
+        Options { every: args.every, views: usize::from(args.views), intensity, refinement, ..Options::default() };
+    Ok(UnknownBelow::wrap(segmentation::load(path, &options)?, args.unknown_below))
 }

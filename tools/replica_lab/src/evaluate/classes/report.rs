@@ -77,7 +77,7 @@ impl ClassReport {
     /// All numbers, unrounded: a list of the sources, followed by their total if there are several.
     pub fn json(&self) -> serde_json::Value {
         let mut clouds = self.table().json();
-        let comparability = |source: &Source| (source.origin == super::source::Origin::Real).then_some(());
+        let comparability = |source: &Source| (source.origin == super::source::Origin::SemanticKitti).then_some(());
         for (index, cloud) in clouds.as_array_mut().into_iter().flatten().enumerate() {
             let source = self.sources.get(index);
             json::extend(cloud, source.map_or(&self.all, |source| &source.tally));
@@ -130,7 +130,7 @@ mod tests {
         let right = tally(&[(Road, Road, 255, 5.0); 3]);
         let half = tally(&[(Terrain, Terrain, 255, 15.0), (Terrain, Sidewalk, 51, 50.0)]);
         let off = tally(&[(Road, Unlabeled, 0, 5.0); 2]);
-        let real = source("08", Origin::Real, 2, tally(&[(Road, Road, 255, 5.0); 2]));
+        let real = source("08", Origin::SemanticKitti, 2, tally(&[(Road, Road, 255, 5.0); 2]));
         ClassReport::new(
             vec![
                 source("rig-urban-1", Origin::Simulated("rig".to_owned()), 4, right),

@@ -5,6 +5,8 @@ mod sweep_files;
 
 pub use labelled_sweep::{LabelledSweep, labelled_sweeps};
 
+use super::labelled_submap::LabelledSubmap;
+use super::labels::Labels;
 use super::models::Models;
 use super::seven;
 use super::source::{Origin, Source};
@@ -12,9 +14,8 @@ use super::tally::{Tally, TrueClass};
 use command_line::say_error;
 use formats::semantic_kitti::CLASS_OF_BENCHMARK_ID;
 use geometry::SphericalGrid;
-use messages::ClassId::{self, Fence, GuardRail, Road, RoadLine, Unlabeled, Wall};
-use messages::{ClassRow, SubmapHeader, SubmapPoint, SubmapSweep};
-use segmentation::{ModelInput, Segmenter};
+use messages::ClassId::Unlabeled;
+use messages::{SubmapHeader, SubmapPoint, SubmapSweep};
 use std::path::Path;
 use std::time::Instant;
 
@@ -24,21 +25,12 @@ const BENCHMARK_SWEEPS: usize = 4071;
 /// Sweeps after which progress is printed.
 const PROGRESS: usize = 500;
 
-/// Merges classes that the benchmark does not distinguish: road lines are road; walls and guard rails are fences.
-fn as_labelled(class: u8) -> u8 {
-    match ClassId::from_id(class) {
-        Some(RoadLine) => Road as u8,
-        Some(Wall | GuardRail) => Fence as u8,
-        _ => class,
-    }
-}
-
 /// The HDL-64E of KITTI, upright 1.73 m above the road.
 pub const GRID: SphericalGrid = SphericalGrid { rows: 64, columns: 36_000, up: 0.035, down: -0.436 };
 
 /// Whether the figures of these sweeps can be compared with published ones.
 pub fn comparability(sources: &[Source]) -> Option<String> {
-    let real: Vec<&Source> = sources.iter().filter(|source| source.origin == Origin::Real).collect();
+    let real: Vec<&Source> = sources.iter().filter(|source| source.origin == Origin::SemanticKitti).collect();
     let n_sweeps: usize = real.iter().map(|source| source.n_sweeps).sum();
     let sweeps = if n_sweeps == 1 { "sweep" } else { "sweeps" };
     match real[..] {
@@ -60,22 +52,22 @@ pub fn sources(models: &Models, folder: &Path, empty: &Tally) -> anyhow::Result<
 fn source(models: &Models, sequence: &sweep_files::Sequence, empty: &Tally) -> anyhow::Result<Source> {
     let name = sequence.name.clone();
     let n_sweeps = sequence.sweeps.len();
-    let origin = Origin::Real;
+    let origin = Origin::SemanticKitti;
     let tally = empty.clone();
     let mut source = Source { name, origin, n_sweeps, has_intensities: false, tally, other_uses: Vec::new() };
     let mut other_uses: Vec<Tally> = models.other_uses.iter().map(|_| empty.clone()).collect();
     let begin = Instant::now();
     for (number, files) in (1..).zip(&sequence.sweeps) {
-        let sweep = LabelledSweep::read(files)?;
+        let submap = submap(&LabelledSweep::read(files)?);
         let mut asked = empty.clone();
-        add(&mut asked, models.asked.as_ref(), &sweep)?;
+        submap.score(&mut asked, models.asked.as_ref(), Labels::SemanticKitti)?;
         source.tally.merge(&asked);
         // A sweep without intensities gets the same classes for every use.
-        let is_used = sweep.intensities.iter().any(|intensity| *intensity > 0);
+        let is_used = submap.points.iter().any(|point| point.intensity > 0);
         source.has_intensities |= is_used;
         for (tally, (_, model)) in other_uses.iter_mut().zip(&models.other_uses) {
             if is_used {
-                add(tally, model.as_ref(), &sweep)?;
+                submap.score(tally, model.as_ref(), Labels::SemanticKitti)?;
             } else {
                 tally.merge(&asked);
             }
@@ -92,53 +84,49 @@ fn source(models: &Models, sequence: &sweep_files::Sequence, empty: &Tally) -> a
     Ok(source)
 }
 
-fn add(tally: &mut Tally, model: &dyn Segmenter, sweep: &LabelledSweep) -> anyhow::Result<()> {
-    let (header, rows) = submap(sweep);
-    let mut classes = vec![ClassRow::default(); rows.len()];
-    model.segment(&ModelInput::new(&header, &rows), &mut classes)?;
-    for ((&id, row), [x, y, z]) in sweep.ids.iter().zip(classes).zip(&sweep.points) {
-        let class = CLASS_OF_BENCHMARK_ID[id as usize];
-        if class != Unlabeled {
-            let truth = TrueClass { class: class as u8, seven: seven::from_benchmark_id(id) };
-            let predicted = ClassRow { class_id: as_labelled(row.class_id), ..row };
-            tally.add(truth, predicted, (x * x + y * y + z * z).sqrt());
-        }
-    }
-    Ok(())
+/// Converts a sweep to a submap. Ring and azimuth come from the spherical projection.
+fn submap(sweep: &LabelledSweep) -> LabelledSubmap {
+    let points: Vec<SubmapPoint> =
+        sweep.points.iter().zip(&sweep.intensities).map(|(xyz, of)| row(*xyz, *of)).collect();
+    let truth = |id: &u32| {
+        let class = CLASS_OF_BENCHMARK_ID[*id as usize];
+        (class != Unlabeled).then(|| TrueClass { class: class as u8, seven: seven::from_benchmark_id(*id) })
+    };
+    LabelledSubmap { header: one_sweep(points.len(), GRID.rows), truth: sweep.ids.iter().map(truth).collect(), points }
 }
 
-/// Converts a sweep to a submap. Ring and azimuth come from the spherical projection.
-fn submap(sweep: &LabelledSweep) -> (Box<SubmapHeader>, Vec<SubmapPoint>) {
-    let row = |(xyz, &intensity): (&[f32; 3], &u8)| {
-        // Points slightly outside the range of elevations belong to the outermost lasers.
-        let [x, y, z] = *xyz;
-        let flat = (x * x + y * y).sqrt();
-        let elevation = z.atan2(flat).clamp(GRID.down + 1e-4, GRID.up - 1e-4);
-        let (ring_row, column) = GRID.pixel([x, y, flat * elevation.tan()]).unwrap_or((GRID.rows - 1, 0));
-        SubmapPoint {
-            x,
-            y,
-            z,
-            // Columns of the projection count counter-clockwise, azimuths clockwise.
-            azimuth: (35_999 - column) as u16,
-            ring: (GRID.rows - 1 - ring_row) as u8,
-            intensity,
-            ..SubmapPoint::default()
-        }
-    };
-    let rows: Vec<SubmapPoint> = sweep.points.iter().zip(&sweep.intensities).map(row).collect();
+/// A return of the HDL-64E.
+pub fn row([x, y, z]: [f32; 3], intensity: u8) -> SubmapPoint {
+    // Points slightly outside the range of elevations belong to the outermost lasers.
+    let flat = (x * x + y * y).sqrt();
+    let elevation = z.atan2(flat).clamp(GRID.down + 1e-4, GRID.up - 1e-4);
+    let (ring_row, column) = GRID.pixel([x, y, flat * elevation.tan()]).unwrap_or((GRID.rows - 1, 0));
+    SubmapPoint {
+        x,
+        y,
+        z,
+        // Columns of the projection count counter-clockwise, azimuths clockwise.
+        azimuth: (35_999 - column) as u16,
+        ring: (GRID.rows - 1 - ring_row) as u8,
+        intensity,
+        ..SubmapPoint::default()
+    }
+}
+
+/// The header of a submap of one sweep of a standing LiDAR.
+pub fn one_sweep(n_points: usize, n_rings: usize) -> Box<SubmapHeader> {
     let mut header: Box<SubmapHeader> = Box::default();
-    header.n_rings = GRID.rows as u32;
+    header.n_rings = n_rings as u32;
     header.n_sweeps = 1;
     let here = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
     header.sweeps[0] = SubmapSweep {
-        n_points: rows.len() as u32,
+        n_points: n_points as u32,
         duration_nanos: 100_000_000,
         submap_from_lidar_begin: here,
         submap_from_lidar_end: here,
         ..SubmapSweep::default()
     };
-    (header, rows)
+    header
 }
 
 #[cfg(test)]
@@ -149,7 +137,7 @@ mod tests {
     fn only_whole_validation_sequence_is_comparable() {
         let source = |name: &str, n_sweeps: usize| Source {
             name: name.to_owned(),
-            origin: Origin::Real,
+            origin: Origin::SemanticKitti,
             n_sweeps,
             has_intensities: true,
             tally: Tally::new(),

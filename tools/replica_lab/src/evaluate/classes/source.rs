@@ -1,4 +1,4 @@
-//! Sources of scored points: a label file, a simulated drive, real sweeps.
+//! Sources of scored points: a label file, a simulated drive, real sweeps, real streets.
 
 use super::tally::Tally;
 
@@ -10,16 +10,23 @@ pub enum Origin {
     /// Simulated towns, with the name of the sensor and its mounting.
     Simulated(String),
     /// Sweeps of SemanticKITTI.
-    Real,
+    SemanticKitti,
+    /// A labelled street, with the name of the data set.
+    Street(String),
 }
 
 impl Origin {
+    /// Whether the points were measured by a real sensor.
+    pub fn is_real(&self) -> bool {
+        matches!(self, Self::SemanticKitti | Self::Street(_))
+    }
     /// Name in tables.
     pub fn name(&self) -> String {
         match self {
             Self::Files => "label files".to_owned(),
             Self::Simulated(sensor) => format!("simulated, {sensor}"),
-            Self::Real => "SemanticKITTI".to_owned(),
+            Self::SemanticKitti => "SemanticKITTI".to_owned(),
+            Self::Street(name) => name.clone(),
         }
     }
 }

@@ -1,5 +1,6 @@
 //! Evaluates a model on simulated towns.
 
+use super::labelled_submap::range_m;
 use super::source::{Origin, Source};
 use super::tally::{Tally, TrueClass};
 use super::{Args, error_picture};
@@ -70,10 +71,7 @@ fn add(
     }
     for ((point, row), &class) in points.iter().zip(classes).zip(truth) {
         if !NOT_SCORED.iter().any(|not| *not as u8 == class) {
-            let [x, y, z, ..] = header.sweeps[usize::from(point.sweep_idx)].submap_from_lidar_begin;
-            let [x, y, z] = [point.x - x, point.y - y, point.z - z];
-            let range_m = (x * x + y * y + z * z).sqrt();
-            tally.add(TrueClass::from_id(class), row, range_m);
+            tally.add(TrueClass::from_id(class), row, range_m(header, point));
         }
     }
     Ok(time)

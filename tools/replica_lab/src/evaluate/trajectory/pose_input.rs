@@ -2,9 +2,11 @@
 
 use anyhow::{Context, bail};
 use clap::ValueEnum;
+use drive::manifest::{TrajectoryEntry, TrajectoryFormat};
 use drive::{Drive, MANIFEST_FILE};
 use formats::trajectory::TrajectoryFile;
-use geometry::{Pose, Trajectory};
+use geometry::{Geodetic, Pose, Stamp, Trajectory};
+use given_path::GivenPath;
 use scores::trajectory::{Alignment, Association, align, associate, associate_by_number};
 use std::path::{Path, PathBuf};
 
@@ -44,8 +46,17 @@ pub struct PoseInput<'a> {
 
 /// Reads both trajectories and pairs their poses.
 pub fn read(args: &PoseInput<'_>) -> anyhow::Result<Association> {
-    let truth = truth(args)?;
-    let estimate = load(args.estimate, args.estimate_times)?;
+    // An SBET has no week: it is taken from the other trajectory.
+    let (truth, estimate) = if is_sbet(args.truth) {
+        let near = if is_sbet(args.estimate) { None } else { start(&load(args.estimate, args.estimate_times)?) };
+        let estimate = load_near(args.estimate, args.estimate_times, near, None)?;
+        (load_near(args.truth, None, near, None)?, estimate)
+    } else {
+        let truth = truth(args)?;
+        let near = start(&truth);
+        let origin = origin_of(args.truth)?;
+        (truth, load_near(args.estimate, args.estimate_times, near, origin)?)
+    };
     let nanos = |ms: f64| (ms * 1e6).round() as i64;
     match (truth, estimate) {
         (TrajectoryFile::Stamped(truth), TrajectoryFile::Stamped(estimate)) => {
@@ -67,6 +78,50 @@ pub fn read(args: &PoseInput<'_>) -> anyhow::Result<Association> {
 /// The file itself, or the trajectory file of a run's folder.
 fn file_of(path: &Path) -> PathBuf {
     if path.is_dir() { path.join(RUN_TRAJECTORY) } else { path.to_owned() }
+}
+
+/// Whether a file is SBET, by its name.
+fn is_sbet(path: &Path) -> bool {
+    let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
+    let ends = |end: &str| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(end));
+    ends("sbet") || name.contains("sbet") && ends("out")
+}
+
+/// Time of the first pose.
+fn start(file: &TrajectoryFile) -> Option<Stamp> {
+    match file {
+        TrajectoryFile::Stamped(trajectory) => trajectory.poses().first().map(|(stamp, _)| *stamp),
+        TrajectoryFile::Numbered(_) => None,
+    }
+}
+
+/// Origin of the world of a drive.
+fn origin_of(truth: &Path) -> anyhow::Result<Option<Geodetic>> {
+    if !truth.join(MANIFEST_FILE).is_file() {
+        return Ok(None);
+    }
+    let drive = Drive::open(truth)?;
+    let origin = drive.manifest().gnss.as_ref().map(|gnss| gnss.origin);
+    Ok(origin.and_then(|[latitude, longitude, height]| Geodetic::new(latitude, longitude, height)))
+}
+
+/// Reads a file of any format; an SBET in the week of `near`, in east, north and up at `origin` or at its first pose.
+fn load_near(
+    path: &Path,
+    times: Option<&Path>,
+    near: Option<Stamp>,
+    origin: Option<Geodetic>,
+) -> anyhow::Result<TrajectoryFile> {
+    if !is_sbet(path) {
+        return load(path, times);
+    }
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let mut entry = TrajectoryEntry::new(&name, TrajectoryFormat::Sbet);
+    // Two SBET files are compared within any week.
+    entry.gps_week = near.is_none().then_some(0);
+    let path = GivenPath::read(folder, &entry, near, origin).map_err(|problem| anyhow::anyhow!("{problem}"))?;
+    Ok(TrajectoryFile::Stamped(path.trajectory().as_ref().clone()))
 }
 
 fn load(path: &Path, times: Option<&Path>) -> anyhow::Result<TrajectoryFile> {
@@ -123,4 +178,58 @@ fn shifted(trajectory: &Trajectory, nanos: i64) -> Trajectory {
         shifted.push(stamp.plus_nanos(nanos), *pose);
     }
     shifted
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use formats::sbet::SbetRecord;
+    use formats::trajectory::tum_from_trajectory;
+    use geometry::{Isometry3, LocalFrame, Point3};
+
+    #[test]
+    fn sbet_equals_the_same_path_in_east_north_up_in_the_week_of_the_other_file() {
+        // 2024-09-14, 18 s before midnight UTC: the week 2331 ends during the path.
+        let start = Stamp(1_726_358_381_000_000_000);
+        let frame = LocalFrame::new(Geodetic::new(48.85, 2.35, 60.0).expect("a place"));
+        let mut path = Trajectory::default();
+        let mut sbet = Vec::new();
+        for k in 0..20 {
+            let x = 0.7 * f64::from(k);
+            let place = frame.geodetic_from_world(&Point3::new(x, 0.0, 0.0));
+            path.push(start.plus_nanos(i64::from(k) * 100_000_000), Isometry3::translation(x, 0.0, 0.0));
+            let record = SbetRecord {
+                time_s: (604_799.0 + 0.1 * f64::from(k)).rem_euclid(604_800.0),
+                latitude_rad: place.latitude_deg.to_radians(),
+                longitude_rad: place.longitude_deg.to_radians(),
+                altitude_m: place.altitude_m,
+                // East.
+                platform_heading_rad: std::f64::consts::FRAC_PI_2,
+                ..SbetRecord::default()
+            };
+            sbet.extend(record.to_bytes());
+        }
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let [tum_file, sbet_file] = ["path.txt", "Path.SBET"].map(|name| folder.path().join(name));
+        std::fs::write(&tum_file, tum_from_trajectory(&path)).expect("writes");
+        std::fs::write(&sbet_file, sbet).expect("writes");
+        for [truth, estimate] in [[&tum_file, &sbet_file], [&sbet_file, &tum_file], [&sbet_file, &sbet_file]] {
+            let input = PoseInput {
+                truth,
+                truth_times: None,
+                estimate,
+                estimate_times: None,
+                frame: PoseFrame::Body,
+                shift_ms: 0.0,
+                max_pause_ms: 150.0,
+                min_step_ms: 0.0,
+            };
+            let found = read(&input).expect("reads");
+            assert!(found.pairs.len() >= 19, "{} pairs", found.pairs.len());
+            for pair in &found.pairs {
+                let by = pair.truth.inverse() * pair.estimate;
+                assert!(by.translation.vector.norm() < 1e-3 && by.rotation.angle() < 1e-5, "{by}");
+            }
+        }
+    }
 }

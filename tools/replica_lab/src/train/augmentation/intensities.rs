@@ -21,8 +21,7 @@ pub fn augment_intensities(
     };
     // Gains of 0.1 to 10.
     let gain = 10_f32.powf(random.range(-1.0, 1.0));
-    // Some drivers report amplitudes, some powers, some reflectances.
-    let exponent = 2_f32.powf(random.range(-1.0, 1.0));
+    let exponent = super::random_exponent(random);
     let by_range = random.range(-0.5, 0.5);
     // Surfaces of the simulator differ from surfaces of a real street.
     let of_class: Vec<f32> = (0..=u8::MAX).map(|_| (0.3 * random.gauss()).exp()).collect();

@@ -24,6 +24,9 @@ pub fn extend_source(cloud: &mut Value, source: &Source, note: Option<&str>) {
     if let Origin::Simulated(sensor) = &source.origin {
         cloud["sensor"] = sensor.as_str().into();
     }
+    if let Origin::Street(name) = &source.origin {
+        cloud["street"] = name.as_str().into();
+    }
     if let Some(note) = note {
         cloud["note"] = note.into();
     }

@@ -1,7 +1,7 @@
 //! Markdown tables.
 
 use crate::evaluate::classes::coverage::{Coverage, Kept, THRESHOLDS};
-use crate::evaluate::classes::source::{Group, Origin, Source};
+use crate::evaluate::classes::source::{Group, Source};
 use crate::evaluate::classes::tally::Tally;
 use crate::evaluate::classes::{ranges, seven};
 use messages::ClassId;
@@ -56,7 +56,7 @@ pub fn unknown(tally: &Tally) -> String {
 
 /// Real sweeps without intensities, which are scored only once.
 pub fn without_intensities(sources: &[Source]) -> Option<String> {
-    let real = sources.iter().filter(|source| source.origin == Origin::Real && !source.has_intensities);
+    let real = sources.iter().filter(|source| source.origin.is_real() && !source.has_intensities);
     let names: Vec<&str> = real.map(|source| source.name.as_str()).collect();
     (!names.is_empty()).then(|| format!("Without intensities: sweeps of {}.", names.join(", ")))
 }

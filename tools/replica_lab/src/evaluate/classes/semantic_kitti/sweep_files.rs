@@ -1,5 +1,6 @@
 //! Finds labelled sweeps: in the layout of SemanticKITTI, or as NumPy arrays.
 
+use crate::evaluate::classes::folder::sorted_entries;
 use anyhow::Context;
 use std::path::{Path, PathBuf};
 
@@ -72,15 +73,6 @@ fn array_pair(path: &Path) -> Option<Sequence> {
     }
     let labels = path.with_file_name(name.replace("_points_", "_labels_")).with_extension("npy");
     Some(Sequence { name, sweeps: vec![SweepFiles { points: path.to_owned(), labels }] })
-}
-
-fn sorted_entries(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
-    let about = || folder.display().to_string();
-    let entries = std::fs::read_dir(folder).with_context(about)?;
-    let mut paths: Vec<PathBuf> =
-        entries.map(|entry| Ok(entry?.path())).collect::<std::io::Result<_>>().with_context(about)?;
-    paths.sort();
-    Ok(paths)
 }
 
 /// The file name without its extension.

@@ -4,7 +4,7 @@
 //! Elevations do not determine the rings: the lasers of an HDL-64E are at different heights, so the elevations of one
 //! ring, seen from the origin, spread over three rings.
 
-use crate::sweep::directions::Directions;
+use crate::Directions;
 use std::f32::consts::{PI, TAU};
 
 /// Number of rings that is recognized. Fewer turns are not rings: a sweep in time order has one turn.
@@ -14,9 +14,9 @@ const SECTORS: usize = 64;
 /// Least share of neighboring rings whose mean slopes are in order.
 const MIN_ORDERED: f64 = 0.9;
 
-/// Rings of a sweep.
-#[derive(Debug, PartialEq)]
-pub(crate) struct Rings {
+/// Rings of a sweep, by the order of its points.
+#[derive(Debug, PartialEq, Eq)]
+pub struct OrderedRings {
     /// Ring of each point, 0 = lowest; arbitrary for points that are not finite.
     pub by_point: Vec<u8>,
     /// Number of rings.
@@ -24,7 +24,7 @@ pub(crate) struct Rings {
 }
 
 /// The rings of points that are stored ring by ring; `None` for other orders.
-pub(crate) fn rings_by_order(directions: &Directions) -> Option<Rings> {
+pub fn rings_by_order(directions: &Directions) -> Option<OrderedRings> {
     wide_loops::run(
         #[inline(always)]
         || rings(directions),
@@ -32,7 +32,7 @@ pub(crate) fn rings_by_order(directions: &Directions) -> Option<Rings> {
 }
 
 #[inline(always)]
-fn rings(directions: &Directions) -> Option<Rings> {
+fn rings(directions: &Directions) -> Option<OrderedRings> {
     let turns = Turns::from_directions(directions)?;
     let cut = turns.cut(&directions.slopes);
     let ring_at = |turned: f32| ((turned - cut) / TAU).floor() as i32;
@@ -62,9 +62,9 @@ fn rings(directions: &Directions) -> Option<Rings> {
         for ring in &mut rings {
             *ring = n as u8 - 1 - *ring;
         }
-        return Some(Rings { by_point: rings, n });
+        return Some(OrderedRings { by_point: rings, n });
     }
-    ordered(|lower, upper| lower < upper).then_some(Rings { by_point: rings, n })
+    ordered(|lower, upper| lower < upper).then_some(OrderedRings { by_point: rings, n })
 }
 
 /// Azimuth turned since the first point.
@@ -97,24 +97,50 @@ impl Turns {
         let total = total as f32;
         (total.abs() > *RINGS.start() as f32 * TAU - PI).then_some(Self { turned, total })
     }
-    /// The angle, from the first point on, at which the rings change: the slope has a step there.
+    /// The angle, from the first point on, at which the rings change: there the slope has a step in most turns. Edges of
+    /// objects, seen by lasers at different heights, have larger steps in some turns.
     #[inline(always)]
     fn cut(&self, slopes: &[f32]) -> f32 {
-        let mut steps = [0.0; SECTORS];
-        let sector = |turned: f32| {
-            let turns = turned / TAU;
-            ((turns - turns.floor()) * SECTORS as f32) as usize % SECTORS
-        };
-        let mut last = None;
-        for (&slope, turned) in slopes.iter().zip(&self.turned) {
-            if !slope.is_nan() {
-                steps[sector(*turned)] += slope - last.unwrap_or(slope);
-                last = Some(slope);
+        let n_turns = (self.total.abs() / TAU) as usize + 2;
+        let mut changes = vec![vec![0.0_f32; n_turns]; SECTORS];
+        let mut largest = vec![vec![Step::default(); n_turns]; SECTORS];
+        let mut before = None;
+        for (&slope, &turned) in slopes.iter().zip(&self.turned) {
+            if slope.is_nan() {
+                continue;
             }
+            let [slope_before, turned_before] = before.unwrap_or([slope, turned]);
+            let turns = turned / TAU;
+            let sector = ((turns - turns.floor()) * SECTORS as f32) as usize % SECTORS;
+            let turn = (turns.abs() as usize).min(n_turns - 1);
+            let change = slope - slope_before;
+            changes[sector][turn] += change;
+            if change.abs() > largest[sector][turn].slope.abs() {
+                let start = (turns.floor() + sector as f32 / SECTORS as f32) * TAU;
+                largest[sector][turn] = Step { slope: change, angle: f32::midpoint(turned, turned_before) - start };
+            }
+            before = Some([slope, turned]);
         }
-        let greatest = (0..SECTORS).max_by(|a, b| steps[*a].abs().total_cmp(&steps[*b].abs())).unwrap_or(0);
-        (greatest as f32 + 0.5) / SECTORS as f32 * TAU
+        let medians = changes.into_iter().map(median);
+        let found = medians.enumerate().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+        let (sector, step) = found.unwrap_or((0, 0.0));
+        let angles = largest[sector].iter().filter(|found| found.slope * step > 0.0).map(|found| found.angle);
+        sector as f32 / SECTORS as f32 * TAU + median(angles.collect())
     }
+}
+
+/// The largest change of the slope from point to point within a sector of a turn.
+#[derive(Clone, Copy, Default)]
+struct Step {
+    slope: f32,
+    /// Angle from the start of the sector, rad.
+    angle: f32,
+}
+
+/// The median; 0 without values.
+fn median(mut values: Vec<f32>) -> f32 {
+    values.sort_unstable_by(f32::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or_default()
 }
 
 /// Mean slope of each ring that has points.
@@ -134,17 +160,16 @@ fn mean_slopes(slopes: &[f32], rings: &[u8], n: usize) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::TimedPoint;
 
     /// Points with their true rings.
     struct StoredRings {
-        points: Vec<TimedPoint>,
+        positions: Vec<[f32; 3]>,
         rings: Vec<u8>,
     }
 
     /// Rings from the highest to the lowest, each a turn that starts at `begin` rad; every seventh point is missing.
     fn ring_by_ring(n_rings: u8, begin: f32) -> StoredRings {
-        let mut points = Vec::new();
+        let mut positions = Vec::new();
         let mut rings = Vec::new();
         for ring in (0..n_rings).rev() {
             for col in (0..900_u16).filter(|col| (col + u16::from(ring)) % 7 != 0) {
@@ -152,35 +177,32 @@ mod tests {
                 // Walls at different ranges, and a laser above the origin.
                 let range = 10.0 + 5.0 * (3.0 * azimuth).sin();
                 let z = range * (-0.4 + 0.007 * f32::from(ring)) + 0.1;
-                points.push(TimedPoint {
-                    position: [range * azimuth.cos(), range * azimuth.sin(), z],
-                    offset_nanos: 0,
-                    ring: 0,
-                });
+                positions.push([range * azimuth.cos(), range * azimuth.sin(), z]);
                 rings.push(ring);
             }
         }
-        StoredRings { points, rings }
+        StoredRings { positions, rings }
+    }
+
+    fn found(positions: &[[f32; 3]]) -> Option<OrderedRings> {
+        rings_by_order(&Directions::new(positions, |position| *position))
     }
 
     #[test]
     fn points_stored_ring_by_ring_get_their_rings() {
         for begin in [0.0, 2.0, -PI] {
-            let StoredRings { points, rings: truth } = ring_by_ring(64, begin);
-            let Rings { by_point: rings, n } =
-                rings_by_order(&Directions::from_points(&points)).expect("rings in order");
+            let StoredRings { positions, rings: truth } = ring_by_ring(64, begin);
+            let OrderedRings { by_point: rings, n } = found(&positions).expect("rings in order");
             let n_wrong = rings.iter().zip(&truth).filter(|(ring, truth)| ring != truth).count();
-            assert!(n == 64 && n_wrong * 50 < points.len(), "begin {begin}: {n} rings, {n_wrong} wrong");
+            assert!(n == 64 && n_wrong * 50 < positions.len(), "begin {begin}: {n} rings, {n_wrong} wrong");
         }
     }
 
     #[test]
     fn points_in_the_order_of_time_have_no_rings_by_order() {
-        let mut points = ring_by_ring(32, 0.0).points;
-        points.sort_by(|a, b| {
-            f32::atan2(a.position[1], a.position[0]).total_cmp(&f32::atan2(b.position[1], b.position[0]))
-        });
-        assert_eq!(rings_by_order(&Directions::from_points(&points)), None);
-        assert_eq!(rings_by_order(&Directions::from_points(&[])), None);
+        let mut positions = ring_by_ring(32, 0.0).positions;
+        positions.sort_by(|a, b| f32::atan2(a[1], a[0]).total_cmp(&f32::atan2(b[1], b[0])));
+        assert_eq!(found(&positions), None);
+        assert_eq!(found(&[]), None);
     }
 }

@@ -3,7 +3,7 @@
 /// The angle of (x, y) in -pi to pi, within 2e-5 rad (a hundredth of a column); 0 for the origin. The polynomial is the
 /// minimax one of degree 11 for the arc tangent on 0 to 1.
 #[inline(always)]
-pub(crate) fn fast_atan2(y: f32, x: f32) -> f32 {
+pub fn fast_atan2(y: f32, x: f32) -> f32 {
     let short = x.abs().min(y.abs());
     let long = x.abs().max(y.abs());
     let a = if long > 0.0 { short / long } else { 0.0 };

@@ -1,0 +1,70 @@
+//! The tables of a survey.
+
+use adjustment::{ControlPoint, SeenControl, Submaps, Survey, Weighed, disagreement};
+use files::csv::csv_cell;
+use std::fmt::Write;
+
+/// A line for each submap: how far it was moved, m, and its standard deviation.
+pub fn submaps(submaps: &Submaps, survey: &Survey) -> String {
+    let mut text = "drive,submap,east_m,north_m,up_m,turned_deg,sigma_horizontal_m,sigma_up_m\n".to_owned();
+    for (k, submap) in submaps.all.iter().enumerate() {
+        let [before, after] = [&survey.before[k], &survey.after[k]];
+        let moved = after.translation.vector - before.translation.vector;
+        let turned = (after.rotation * before.rotation.inverse()).angle().to_degrees();
+        let [horizontal, up] = survey.sigma_m[k];
+        let name = csv_cell(&submaps.drives[submap.drive].name);
+        // Writing to a string cannot fail.
+        let _ = writeln!(
+            text,
+            "{name},{},{:.4},{:.4},{:.4},{turned:.4},{horizontal:.4},{up:.4}",
+            submap.seq, moved.x, moved.y, moved.z
+        );
+    }
+    text
+}
+
+/// A line for each match of two submaps: how far they were apart before and after.
+pub fn matches(submaps: &Submaps, survey: &Survey) -> String {
+    let mut text = "drive,submap,other_drive,other_submap,agrees,matched_share,rms_m,\
+                    before_east_m,before_north_m,before_up_m,after_east_m,after_north_m,after_up_m\n"
+        .to_owned();
+    for Weighed { measured, agrees } in &survey.matches {
+        let [a, b] = [measured.relative.target, measured.relative.source].map(|k| {
+            let submap = &submaps.all[k];
+            format!("{},{}", csv_cell(&submaps.drives[submap.drive].name), submap.seq)
+        });
+        let off = [&survey.before, &survey.after].map(|poses| disagreement(&measured.relative, poses));
+        let [before, after] = off.map(|off| format!("{:.4},{:.4},{:.4}", off.x, off.y, off.z));
+        let _ = writeln!(
+            text,
+            "{a},{b},{},{:.3},{:.4},{before},{after}",
+            u8::from(*agrees),
+            measured.matched,
+            measured.rms_m
+        );
+    }
+    text
+}
+
+/// A line for each control or check point in each submap that shows it: residuals before and after.
+pub fn points(submaps: &Submaps, survey: &Survey, points: &[ControlPoint]) -> String {
+    let mut text =
+        "name,use,drive,submap,agrees,before_east_m,before_north_m,before_up_m,after_east_m,after_north_m,after_up_m\n"
+            .to_owned();
+    let control =
+        survey.control.iter().map(|Weighed { measured, agrees }| (measured, "control", u8::from(*agrees).to_string()));
+    let check = survey.check.iter().map(|seen| (seen, "check", String::new()));
+    for (seen, point_use, agrees) in control.chain(check) {
+        let submap = &submaps.all[seen.submap];
+        let name = csv_cell(&points[seen.point].point.name);
+        let drive = csv_cell(&submaps.drives[submap.drive].name);
+        let [before, after] = [&survey.before, &survey.after].map(|poses| residual(seen, poses));
+        let _ = writeln!(text, "{name},{point_use},{drive},{},{agrees},{before},{after}", submap.seq);
+    }
+    text
+}
+
+fn residual(seen: &SeenControl, poses: &[geometry::Pose]) -> String {
+    let value = |value: Option<f64>| value.map_or_else(String::new, |value| format!("{value:.4}"));
+    seen.residual_m(poses).map(value).join(",")
+}
