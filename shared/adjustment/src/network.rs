@@ -24,7 +24,7 @@ const LEAST_RAD: f64 = 0.0002;
 /// A height point says nothing about its horizontal position: this deviation, m.
 const UNMEASURED_M: f64 = 1e4;
 
-/// Weights of the measurements in the solution, 0 outlier to 1 inlier.
+/// Solution of the network. Weights are 0 (outlier) to 1 (inlier).
 pub struct Adjusted {
     /// Poses of the submaps.
     pub poses: Vec<Pose>,
