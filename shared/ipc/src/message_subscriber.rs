@@ -4,9 +4,10 @@ use crate::channel::MessageService;
 use crate::opaque::Opaque;
 use crate::slot::{CacheLine, ReceivedSlot, WireEnvelope};
 use crate::{Channel, Iox, IpcError, Node};
-use iceoryx2::port::update_connections::UpdateConnections;
+use iceoryx2::port::update_connections::{ConnectionFailure, UpdateConnections};
 use iceoryx2::port::{DegradationAction, ReceiveError, subscriber};
 use iceoryx2::prelude::*;
+use iceoryx2_cal::shared_memory::SharedMemoryOpenError;
 
 /// The service of a channel's messages, and the port that receives them.
 pub(crate) struct MessageSubscriber {
@@ -32,14 +33,25 @@ impl MessageSubscriber {
     /// Connects to the producer. Returns whether it was connected before, so that the connection is complete.
     pub(crate) fn connect(&self, channel: &Channel) -> Result<bool, IpcError> {
         let is_there = self.service.dynamic_config().number_of_publishers() > 0;
-        self.port
-            .update_connections()
-            .map_err(|cause| IpcError::transport(format!("connecting to {}", channel.name), cause))?;
-        Ok(is_there)
+        match self.port.update_connections() {
+            Ok(()) => Ok(is_there),
+            Err(cause) if is_of_dead_producer(&cause) => Ok(false),
+            Err(cause) => Err(IpcError::transport(format!("connecting to {}", channel.name), cause)),
+        }
     }
 
     /// The next message, if there is one.
     pub(crate) fn receive(&self) -> Result<Option<ReceivedSlot>, ReceiveError> {
-        Ok(self.port.receive()?.map(ReceivedSlot::new))
+        match self.port.receive() {
+            Ok(sample) => Ok(sample.map(ReceivedSlot::new)),
+            Err(ReceiveError::ConnectionFailure(cause)) if is_of_dead_producer(&cause) => Ok(None),
+            Err(cause) => Err(cause),
+        }
     }
+}
+
+/// Whether the memory of a producer is gone that is still in the list: it was killed, and is being removed. Its successor changes the list
+/// again, so that the next call connects to it.
+fn is_of_dead_producer(cause: &ConnectionFailure) -> bool {
+    matches!(cause, ConnectionFailure::UnableToMapSendersDataSegment(SharedMemoryOpenError::DoesNotExist))
 }

@@ -4,7 +4,7 @@ use crate::support::{Pair, TestDomain, live_pair, pair, send};
 use ipc::{
     Channel, Domain, IpcError, LatestPublisher, LatestSubscriber, Publisher, Received, ServiceHandles, Subscriber,
 };
-use messages::{ClassRow, CubeTopic, Envelope, ImageTopic, Message, SweepPoint, TrajectoryTopic};
+use messages::{ClassRow, CubeTopic, Envelope, ImageTopic, Message, SweepPoint, SweepTopic, TrajectoryTopic};
 use std::time::Duration;
 
 /// The next message.
@@ -287,4 +287,26 @@ fn messages_of_growing_size_are_sent_without_loss() {
             seq += 1;
         }
     }
+}
+
+/// Between the death of a producer and the removal of its entry, its memory is gone.
+#[test]
+fn consumer_of_a_dead_producer_waits_instead_of_failing() {
+    let domain = TestDomain::new("dead");
+    let channel = Channel::new::<SweepTopic>(SweepTopic::TOPIC, "producer.wake", &["consumer.wake".to_owned()]);
+    let supervisor = domain.0.node("supervisor").expect("node");
+    let mut services = ServiceHandles::default();
+    services.create_channel(&supervisor, &channel).expect("created");
+    services.create_wake(&supervisor, "producer.wake", 1).expect("created");
+    services.create_wake(&supervisor, "consumer.wake", 1).expect("created");
+    let [producer, consumer] = ["producer", "consumer"].map(|name| domain.0.node(name).expect("node"));
+    let mut subscriber: Subscriber<SweepTopic> =
+        Subscriber::open(&consumer, &channel, "consumer.wake").expect("opened");
+    let _publisher: Publisher<SweepTopic> = Publisher::open(&producer, &channel).expect("opened");
+    let is_memory = |name: &str| name.starts_with(&domain.0.prefix()) && name.ends_with(".data");
+    let memories = std::fs::read_dir("/dev/shm").expect("lists").flatten();
+    let removed = memories.filter(|entry| is_memory(&entry.file_name().to_string_lossy()));
+    assert!(removed.map(|entry| std::fs::remove_file(entry.path()).expect("removes")).count() > 0);
+    assert!(!subscriber.connect().expect("waits"));
+    assert!(subscriber.receive().expect("waits").is_none());
 }
