@@ -43,7 +43,7 @@ use delivery::{
 use formats::trajectory::{csv_from_trajectory, kitti_from_trajectory, tum_from_trajectory};
 use geometry::Stamp;
 use messages::columns::Presence;
-use messages::{PlacementTopic, SpectraTopic, StampedPose, SubmapTopic, TrajectoryTopic};
+use messages::{InstanceTopic, PlacementTopic, SpectraTopic, StampedPose, SubmapTopic, TrajectoryTopic};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use stage::{
@@ -320,6 +320,7 @@ impl<C: ColumnTable> Export<C> {
             points: joined.submap.rows(),
             columns: &columns,
             spectra: joined.column::<SpectraTopic>().map(|column| (column.header(), column.rows())),
+            moving: joined.column::<InstanceTopic>().map_or(&[], |column| column.header().moving()),
             lost: &joined.lost,
         };
         let coordinates = self.settings.coordinates.kind();

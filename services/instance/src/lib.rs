@@ -17,6 +17,9 @@
 //! column has the length and the order of the submap. It never assigns an id twice in a drive, and never merges two ids
 //! that it has published.
 //!
+//! The header of the column names the objects that move, so that clouds mark all their points as `dynamic`: `slam_aggregate` marks
+//! the points that contradict an earlier sweep, which an object that drives along with the vehicle hardly does.
+//!
 //! New ids increase over the whole drive, in the order of the classes in `things`, then of the first points of the objects. In
 //! submaps without ground points, the height and ground-contact filters are disabled.
 
@@ -85,6 +88,7 @@ impl InstanceStage {
         outputs: &mut Outputs,
     ) -> Result<InstanceHeader, StepError> {
         let mut header = InstanceHeader::default();
+        let mut moving = BTreeSet::new();
         let mut seen: Vec<TrackedObject> = Vec::new();
         let mut seen_ids = BTreeSet::new();
         let mut view = self.view(submap.rows(), classes, outputs);
@@ -110,7 +114,7 @@ impl InstanceStage {
                     continue;
                 }
                 track.id = match known {
-                    Some(id) => id,
+                    Some(known) => known.id,
                     None if object.points.len() < required => continue,
                     None if mean_score(object, classes) < kind.min_score => {
                         outputs.count("things_below_min_score", 1);
@@ -123,11 +127,16 @@ impl InstanceStage {
                 // Pieces of one moving object have one id.
                 header.n_instances += u32::from(seen_ids.insert(track.id));
                 header.n_points += object.points.len() as u32;
+                if object.motion.is_some() || known.is_some_and(|known| known.moves_on) {
+                    moving.insert(track.id);
+                }
             }
             seen.extend(tracked.into_iter().filter(|track| track.id != 0));
         }
         self.tracker.update(seen, self.settings.remembered_submaps);
         outputs.count("instances", u64::from(header.n_instances));
+        outputs.count("moving_instances", moving.len() as u64);
+        header.set_moving(moving);
         Ok(header)
     }
 

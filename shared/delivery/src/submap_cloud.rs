@@ -6,7 +6,9 @@ use crate::submap_geometry::SubmapGeometry;
 use formats::ply::{Header, Kind, Row};
 use messages::columns::{Column, ColumnField, FieldType};
 use messages::pod::{bytes_from_rows, rows_in_bytes};
-use messages::{Message, POINT_DYNAMIC, POINT_INCIDENCE_UNKNOWN, SpectraHeader, SubmapHeader, SubmapPoint};
+use messages::{
+    InstanceTopic, Message, POINT_DYNAMIC, POINT_INCIDENCE_UNKNOWN, SpectraHeader, SubmapHeader, SubmapPoint,
+};
 
 /// A submap and its columns, as received.
 #[derive(Clone, Copy)]
@@ -21,6 +23,8 @@ pub struct ReceivedSubmap<'a> {
     pub columns: &'a [ReceivedColumn<'a>],
     /// Header and words of the spectra, if there is such a column.
     pub spectra: Option<(&'a SpectraHeader, &'a [u32])>,
+    /// Ids of moving instances, increasing ([`messages::InstanceHeader::moving`]); empty without such a column.
+    pub moving: &'a [u32],
     /// Topics of the columns that were lost.
     pub lost: &'a [&'static str],
 }
@@ -59,6 +63,10 @@ pub(crate) struct SubmapColumns<'a> {
     pub(crate) coordinates: Kind,
     /// Whether the points are from several LiDARs.
     has_lidars: bool,
+    /// Ids of moving instances, increasing.
+    moving: &'a [u32],
+    /// Instance of each point; empty if none moves.
+    instances: &'a [u32],
     /// Received columns in the order of the rows.
     columns: Vec<CloudColumn<'a>>,
     /// Their fields in the order of the rows.
@@ -77,7 +85,7 @@ struct ReceivedField<'a> {
 impl<'a> SubmapColumns<'a> {
     /// Checks the submap and its columns.
     pub(crate) fn new(received: &ReceivedSubmap<'a>, coordinates: Kind) -> Result<Self, DeliveryError> {
-        let ReceivedSubmap { seq, header, points, .. } = *received;
+        let ReceivedSubmap { seq, header, points, moving, .. } = *received;
         let geometry = SubmapGeometry::new(seq, header, points)?;
         let mut columns = received.columns.to_vec();
         sort_by_place(&mut columns, |column| column.column);
@@ -98,7 +106,9 @@ impl<'a> SubmapColumns<'a> {
             }
         }
         let columns = columns.iter().map(|column| column.column).collect();
-        Ok(Self { seq, points, geometry, coordinates, has_lidars: header.n_lidars > 1, columns, fields })
+        let instances = received.rows::<InstanceTopic>().filter(|_| !moving.is_empty()).unwrap_or_default();
+        let has_lidars = header.n_lidars > 1;
+        Ok(Self { seq, points, geometry, coordinates, has_lidars, moving, instances, columns, fields })
     }
 
     pub(crate) fn header(&self) -> Header {
@@ -122,13 +132,18 @@ impl<'a> SubmapColumns<'a> {
         row.f32(cosine).f64(sweep.time_s(point.offset_nanos)).i32(sweep.seq);
         row.u8(point.intensity).u8(point.ring);
         row.f32(f32::from(point.azimuth) / 100.0).f32(f32::from(point.elevation) / 100.0);
-        row.u8(u8::from(point.flags & POINT_DYNAMIC != 0));
+        row.u8(u8::from(point.flags & POINT_DYNAMIC != 0 || self.is_on_moving_instance(i)));
         if self.has_lidars {
             row.u8(sweep.lidar);
         }
         for field in &self.fields {
             field.encode(i, row);
         }
+    }
+
+    #[inline]
+    fn is_on_moving_instance(&self, i: usize) -> bool {
+        self.instances.get(i).is_some_and(|id| *id != 0 && self.moving.binary_search(id).is_ok())
     }
 
     // Always inlined: otherwise the row is stored and loaded again for every field.

@@ -1,5 +1,6 @@
 //! A local east-north-up frame on the WGS84 ellipsoid.
 
+use crate::Pose;
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -99,6 +100,10 @@ impl LocalFrame {
         let columns = other.axes.map(|of_other| Vector3::from(self.axes.map(|axis| axis.dot(&of_other))));
         UnitQuaternion::from_basis_unchecked(&columns)
     }
+    /// The pose of this frame in ECEF, m.
+    pub fn ecef_from_world(&self) -> Pose {
+        Pose::from_parts(self.origin_in_ecef.into(), UnitQuaternion::from_basis_unchecked(&self.axes))
+    }
     /// Geodetic position of a point of this frame (m).
     pub fn geodetic_from_world(&self, p: &Point3<f64>) -> Geodetic {
         let [east, north, up] = &self.axes;
@@ -126,6 +131,7 @@ mod tests {
             let frame = LocalFrame::new(Geodetic::new(lat, lon, height).expect("a position"));
             for p in [[0.0, 0.0, 0.0], [1000.0, -2000.0, 30.0], [-9000.0, 500.0, -200.0]].map(Point3::from) {
                 let place = frame.geodetic_from_world(&p);
+                assert!((frame.ecef_from_world() * p - place.ecef()).coords.norm() < 1e-6);
                 let off = (frame.world_from_geodetic(&place) - p).norm();
                 assert!(off < 1e-6, "{off} m at {lat} {lon}");
             }

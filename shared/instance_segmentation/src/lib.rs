@@ -55,4 +55,4 @@ pub use own_vehicle::OwnVehicle;
 pub use rays::Rays;
 pub use settings::{FootprintSettings, Kind};
 pub use top_view::{Cell, ThingPoint, TopView};
-pub use tracker::{TrackedObject, Tracker};
+pub use tracker::{Known, TrackedObject, Tracker};

@@ -146,6 +146,15 @@ impl TrackedObject {
     }
 }
 
+/// An object of an earlier submap that is observed again.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Known {
+    /// Its id.
+    pub id: u32,
+    /// Whether it is where its earlier motion predicts it, although its observation here is too short for a motion.
+    pub moves_on: bool,
+}
+
 /// A new object that may be an old one.
 struct Association {
     /// Overlap, or agreement with the prediction.
@@ -155,9 +164,9 @@ struct Association {
 }
 
 impl Tracker {
-    /// Ids of the objects that were observed before. An id is assigned to the object with the largest overlap, or the
+    /// The objects that were observed before. An id is assigned to the object with the largest overlap, or the
     /// first of equal ones; also to pieces on the predicted path of a moving object.
-    pub fn associate(&self, objects: &[TrackedObject], min_overlap: f64) -> Vec<Option<u32>> {
+    pub fn associate(&self, objects: &[TrackedObject], min_overlap: f64) -> Vec<Option<Known>> {
         let mut pairs: Vec<Association> = Vec::new();
         for (new_idx, new) in objects.iter().enumerate() {
             for (old_idx, old) in self.objects.iter().enumerate() {
@@ -173,18 +182,19 @@ impl Tracker {
         }
         let in_order = |pair: &Association| (pair.new_idx, pair.old_idx);
         pairs.sort_by(|a, b| b.share.total_cmp(&a.share).then(in_order(a).cmp(&in_order(b))));
-        let mut ids = vec![None; objects.len()];
+        let mut known = vec![None; objects.len()];
         let mut is_taken = vec![false; self.objects.len()];
         for Association { new_idx, old_idx, .. } in pairs {
-            if ids[new_idx].is_none() && !is_taken[old_idx] {
-                ids[new_idx] = Some(self.objects[old_idx].id);
+            if known[new_idx].is_none() && !is_taken[old_idx] {
+                known[new_idx] = Some(Known { id: self.objects[old_idx].id, moves_on: false });
                 is_taken[old_idx] = true;
             }
         }
-        for (id, new) in ids.iter_mut().zip(objects).filter(|(id, _)| id.is_none()) {
-            *id = self.objects.iter().find(|old| old.is_continued_by_piece(new)).map(|old| old.id);
+        for (known, new) in known.iter_mut().zip(objects).filter(|(known, _)| known.is_none()) {
+            let continued = self.objects.iter().find(|old| old.is_continued_by_piece(new));
+            *known = continued.map(|old| Known { id: old.id, moves_on: true });
         }
-        ids
+        known
     }
 
     /// Adds the objects of a submap with their ids. Removes objects that were not observed for `remembered_submaps` submaps.

@@ -27,7 +27,7 @@ pub use class::{ClassHeader, ClassRow, ClassTopic};
 pub use color::{ColorHeader, ColorRow, ColorTopic, UNSEEN};
 pub use column::{Column, ColumnVisitor, Presence};
 pub use field::{ColumnField, ExtraByte, FieldType, NamedIds, Shown};
-pub use instance::{InstanceHeader, InstanceTopic};
+pub use instance::{InstanceHeader, InstanceTopic, MAX_MOVING_INSTANCES};
 pub use material::{MaterialHeader, MaterialRow, MaterialTopic};
 pub use region::{RegionHeader, RegionTopic};
 pub use spectra::{MAX_BANDS, NO_SPECTRUM, SpectraHeader, SpectraTopic, SpectraView};

@@ -43,8 +43,8 @@ pub use byte_table::{ByteField, ByteTable};
 pub use class_table::{CLASS_TABLE_VERSION, ClassId, GROUND_CLASSES, UnknownClass, class_name};
 pub use columns::{
     ClassHeader, ClassRow, ClassTopic, ColorHeader, ColorRow, ColorTopic, InstanceHeader, InstanceTopic, MAX_BANDS,
-    MaterialHeader, MaterialRow, MaterialTopic, NO_SPECTRUM, RegionHeader, RegionTopic, SpectraHeader, SpectraTopic,
-    SpectraView, UNSEEN,
+    MAX_MOVING_INSTANCES, MaterialHeader, MaterialRow, MaterialTopic, NO_SPECTRUM, RegionHeader, RegionTopic,
+    SpectraHeader, SpectraTopic, SpectraView, UNSEEN,
 };
 pub use cube::{CubeHeader, CubeTopic, CubeView, MAX_CUBE_BANDS};
 pub use envelope::{Envelope, Message};

@@ -10,6 +10,7 @@ mod instances;
 mod new_folder;
 mod report;
 mod rig;
+mod scene;
 mod send;
 mod simulate;
 mod survey;
@@ -31,6 +32,7 @@ pub enum Command {
     Instances(instances::Args),
     Survey(survey::Args),
     Deliver(deliver::Args),
+    Scene(scene::Args),
     Send(send::Args),
     Grab(grab::Args),
     /// Simulate a drive through a procedural town.
@@ -56,6 +58,10 @@ impl Command {
             Command::Survey(args) => {
                 restart_with_kept_memory(Keep::Large);
                 survey::run(args)
+            }
+            Command::Scene(args) => {
+                restart_with_kept_memory(Keep::Large);
+                scene::run(args)
             }
             Command::Send(args) => send::run(args),
             Command::Grab(args) => grab::run(args),

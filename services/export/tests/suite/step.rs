@@ -1,6 +1,6 @@
 //! Steps of the stage on the test bench.
 
-use crate::support::{Street, context, files, received};
+use crate::support::{MOVING_INSTANCE, Street, context, files, received};
 use delivery::Index;
 use export::{Coordinates, Export, Settings, TrajectoryFormat};
 use formats::ply::Vertices;
@@ -81,7 +81,9 @@ fn cloud_contains_every_field_of_every_point() {
     all("ring", &|i| f64::from(points[i].ring));
     all("azimuth_deg", &|i| f64::from(points[i].azimuth) / 100.0);
     all("elevation_deg", &|i| f64::from(points[i].elevation) / 100.0);
-    all("dynamic", &|i| f64::from(points[i].flags));
+    let instances = street.instance(1);
+    assert!(instances.contains(&MOVING_INSTANCE) && points.iter().any(|point| point.flags != 0));
+    all("dynamic", &|i| f64::from(u8::from(points[i].flags != 0 || instances[i] == MOVING_INSTANCE)));
     all("instance", &|i| f64::from(street.instance(1)[i]));
     all("semantic", &|i| f64::from(street.class(1)[i].class_id));
     all("score", &|i| f64::from(street.class(1)[i].score) / 255.0);

@@ -4,19 +4,25 @@ use crate::support::bench;
 use crate::support::lidar::{Block, HDL32, HDL64, SWEEP_NANOS, Scan, car};
 use instance::{Settings, Thing};
 use messages::{ClassHeader, ClassId, ClassTopic, InstanceTopic, SubmapTopic};
+use stage::Received;
 use std::collections::BTreeSet;
 
-/// Ids of the points of consecutive submaps.
-fn ids_of(scans: &[&Scan], settings: &Settings) -> Vec<Vec<u32>> {
+/// Instance column of each of consecutive submaps.
+fn columns_of(scans: &[&Scan], settings: &Settings) -> Vec<Received<InstanceTopic>> {
     let mut bench = bench(settings);
-    let mut ids = Vec::new();
+    let mut columns = Vec::new();
     for scan in scans {
         bench.send::<SubmapTopic>(0, *scan.header, scan.street.points.clone());
         bench.send::<ClassTopic>(0, ClassHeader::default(), scan.street.classes.clone());
         bench.tick().expect("steps");
-        ids.extend(bench.take::<InstanceTopic>().iter().map(|column| column.rows().to_vec()));
+        columns.extend(bench.take::<InstanceTopic>());
     }
-    ids
+    columns
+}
+
+/// Ids of the points of consecutive submaps.
+fn ids_of(scans: &[&Scan], settings: &Settings) -> Vec<Vec<u32>> {
+    columns_of(scans, settings).iter().map(|column| column.rows().to_vec()).collect()
 }
 
 /// Distinct ids of the points of an object; 0 is left out if less than a tenth of the points have it.
@@ -122,6 +128,18 @@ fn cars_at_the_speed_of_the_vehicle_on_a_motorway_keep_one_id_each() {
     let each = [1, 2, 3].map(of_thing);
     assert!(each.iter().all(|ids| ids.len() == 1 && !ids.contains(&0)), "{each:?}");
     assert_eq!(each.iter().flatten().collect::<BTreeSet<_>>().len(), 3, "{each:?}");
+}
+
+#[test]
+fn cars_that_drive_along_are_named_as_moving_and_standing_ones_are_not() {
+    let scans = motorway();
+    let columns = columns_of(&scans.iter().collect::<Vec<_>>(), &Settings::default());
+    for (column, scan) in columns.iter().zip(&scans) {
+        let id = |thing| ids_of_thing(column.rows(), scan, thing);
+        let driving: BTreeSet<u32> = [id(1), id(2)].concat().into_iter().collect();
+        assert_eq!(column.header().moving(), driving.into_iter().collect::<Vec<_>>());
+        assert!(!column.header().moving().contains(&id(3)[0]));
+    }
 }
 
 /// A vehicle with a hood in front of its LiDAR, driving 15 m past a car.

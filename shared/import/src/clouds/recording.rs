@@ -91,7 +91,7 @@ impl SubmapRecording {
             let instances: Vec<u32> = points.iter().map(|found| found.instance).collect();
             let ids: BTreeSet<u32> = instances.iter().copied().filter(|id| *id != 0).collect();
             let n_points = instances.iter().filter(|id| **id != 0).count() as u32;
-            let header_of_ids = InstanceHeader { n_instances: ids.len() as u32, n_points };
+            let header_of_ids = InstanceHeader { n_instances: ids.len() as u32, n_points, ..InstanceHeader::default() };
             self.message::<InstanceTopic>(seq, header.stamp_begin, header.stamp_end, &header_of_ids, &instances)?;
         }
         if self.n_messages.contains_key(ColorTopic::TOPIC) {

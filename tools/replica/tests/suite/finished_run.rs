@@ -212,6 +212,7 @@ impl Submap {
                 ReceivedColumn::new::<InstanceTopic>(column("instance"), &instances),
             ],
             spectra: None,
+            moving: &[],
             lost: &[],
         };
         let mut entry = write_submap(&received, Kind::Float, folder, None).expect("writes");

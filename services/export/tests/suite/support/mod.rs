@@ -16,6 +16,8 @@ use std::path::Path;
 const SWEEP_NANOS: u32 = 100_000_000;
 const START: i64 = 1_700_000_000_123_456_789;
 const BANDS: usize = 3;
+/// The instance that moves.
+pub const MOVING_INSTANCE: u32 = 3000;
 
 /// A context in which the topics are connected that the stages publish by default.
 pub fn context(folder: &Path) -> Context {
@@ -206,7 +208,11 @@ impl Street {
         match topic {
             "color" => bench.forward::<ColorTopic>(received(seq, ColorHeader::default(), &self.color(seq))),
             "class" => bench.forward::<ClassTopic>(received(seq, ClassHeader::default(), &self.class(seq))),
-            "instance" => bench.forward::<InstanceTopic>(received(seq, InstanceHeader::default(), &self.instance(seq))),
+            "instance" => {
+                let mut header = InstanceHeader::default();
+                header.set_moving([MOVING_INSTANCE]);
+                bench.forward::<InstanceTopic>(received(seq, header, &self.instance(seq)));
+            }
             "material" => bench.forward::<MaterialTopic>(received(seq, MaterialHeader::default(), &self.material(seq))),
             "region" => bench.forward::<RegionTopic>(received(seq, RegionHeader::default(), &self.regions(seq))),
             "spectra" => {

@@ -1,0 +1,13 @@
+//! The driven streets as roads: cross sections along the path, lanes, and ASAM OpenDRIVE.
+
+mod cross_section;
+mod lanes;
+mod opendrive;
+mod path;
+mod strip;
+
+pub use cross_section::{CrossSection, SideSection};
+pub use lanes::{Boundary, Lane, LaneKind, LaneSection, Mark, Traffic, lane_sections};
+pub use opendrive::{RoadNetwork, RoadSummary, opendrive};
+pub use path::{DrivenRoad, Station, driven_roads};
+pub use strip::RoadStrips;
