@@ -30,7 +30,7 @@ mod writing;
 
 pub use error::SceneError;
 pub use glb::Mesh;
-pub use removal::{Removed, RemovedPoints, removed};
+pub use removal::{Boxes, Removed, RemovedPoints, removed};
 pub use static_points::{ScenePoint, StaticPoints, write_points};
 pub use tile::{STEP_M, STEPS, TILE_M, Tile, Vertex};
 pub use tileset::{TileMesh, tileset};

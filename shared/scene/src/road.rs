@@ -6,7 +6,7 @@ mod opendrive;
 mod path;
 mod strip;
 
-pub use cross_section::{CrossSection, SideSection};
+pub use cross_section::{CrossSection, Marking, SideSection, along_m, cross_sections};
 pub use lanes::{Boundary, Lane, LaneKind, LaneSection, Mark, Traffic, lane_sections};
 pub use opendrive::{RoadNetwork, RoadSummary, opendrive};
 pub use path::{DrivenRoad, Station, driven_roads};

@@ -4,7 +4,7 @@ use crate::assets::{Assets, Fixed, Movable};
 use crate::error::SceneError;
 use crate::glb::Mesh;
 use crate::ground::{CompletedTile, Completion, GroundKind, GroundVertex, MeasuredGround, triangles};
-use crate::removal::{RemovedPoints, removed};
+use crate::removal::{Boxes, RemovedPoints, removed};
 use crate::road::{RoadNetwork, RoadStrips, RoadSummary, Traffic, driven_roads, opendrive};
 use crate::static_points::{ScenePoint, StaticPoints, write_points};
 use crate::tile::{STEP_M, STEPS, Tile};
@@ -86,11 +86,13 @@ pub fn write_scene(
     let frame = run.georeference.as_ref().and_then(Georeference::local);
     let mut writer = Writer::new(run, out)?;
     let mut assets = Assets::default();
+    let objects = objects_of(run)?.unwrap_or_default();
+    let boxes = Boxes::new(&objects);
     for (number, entry) in run.index.clouds.iter().enumerate() {
         run.each_point(entry, |point| {
             writer.summary.points += 1;
             assets.add(point);
-            match removed(point) {
+            match removed(point, &boxes) {
                 Some(reason) => writer.summary.removed.count(reason),
                 None => {
                     writer.ground.add(point);
@@ -104,7 +106,7 @@ pub fn write_scene(
     }
     let Writer { mut summary, strips, meshes, .. } = writer;
     let RoadNetwork { document, summary: roads } = opendrive(&strips, traffic, frame);
-    let movable = assets.movable(&objects_of(run)?.unwrap_or_default());
+    let movable = assets.movable(&objects);
     let fixed = assets.fixed();
     summary.roads = roads;
     summary.movable = movable.len();

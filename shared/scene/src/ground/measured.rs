@@ -102,7 +102,13 @@ impl MeasuredGround {
 
     /// Takes the vertices of a tile, row by row from its south-west corner. `None` without points.
     pub fn take(&mut self, tile: Tile) -> Option<Vec<GroundVertex>> {
-        Some(self.tiles.remove(&tile)?.iter().map(Sums::vertex).collect())
+        let sums = self.tiles.remove(&tile)?;
+        let mut vertices: Vec<GroundVertex> = sums.iter().map(Sums::vertex).collect();
+        let heights: Vec<f32> = vertices.iter().map(|vertex| vertex.height_m).collect();
+        for (idx, vertex) in vertices.iter_mut().enumerate().filter(|(_, vertex)| vertex.is_known()) {
+            vertex.height_m = smoothed(idx, &heights, &sums);
+        }
+        Some(vertices)
     }
 
     /// The tiles with points.
@@ -125,6 +131,26 @@ impl Sums {
     }
 }
 
+/// Neighbors whose heights differ by less are on the same surface, m: half of a low kerb, and three deviations of the ranges.
+const SAME_SURFACE_M: f32 = 0.05;
+/// Neighbors on each side that take part.
+const REACH: usize = 2;
+
+/// Mean of the points of a vertex and its neighbors on the same surface. At the border of a tile, only neighbors in the tile take part.
+fn smoothed(idx: usize, heights: &[f32], sums: &[Sums]) -> f32 {
+    let [x, y] = [idx % STEPS, idx / STEPS];
+    let around = |at: usize| at.saturating_sub(REACH)..(at + REACH + 1).min(STEPS);
+    let mut sum = 0.0;
+    let mut n = 0;
+    for near in around(y).flat_map(|y| around(x).map(move |x| y * STEPS + x)) {
+        if (heights[near] - heights[idx]).abs() < SAME_SURFACE_M {
+            sum += sums[near].height_m;
+            n += sums[near].n;
+        }
+    }
+    (sum / f64::from(n.max(1))) as f32
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -136,11 +162,14 @@ mod tests {
         for (class, z) in [(ClassId::Road, 1.0), (ClassId::RoadLine, 1.2), (ClassId::RoadLine, 1.4)] {
             ground.add(&point(class, [-0.01, 0.02, z]));
         }
+        ground.add(&point(ClassId::Sidewalk, [-0.01, 2.0 * crate::tile::STEP_M, 1.24]));
+        ground.add(&point(ClassId::Sidewalk, [-0.01, 2.0 * crate::tile::STEP_M + 1.0, 1.4]));
         ground.add(&point(ClassId::Vegetation, [-0.01, 0.02, 9.0]));
         ground.add(&point(ClassId::Wall, [1.0, 0.0, 2.0]));
         let vertices = ground.take(Tile { column: 0, row: 0 }).expect("has points");
         let found = vertices[0];
-        assert!((found.height_m - 1.2).abs() < 1e-6);
+        // The mean of four points: a neighbor is on the same surface.
+        assert!((found.height_m - 1.21).abs() < 1e-6);
         assert_eq!((found.rgb, found.kind, found.is_wall), ([90, 91, 92], GroundKind::Marking, false));
         assert!(vertices[10].is_wall && !vertices[10].is_known());
         assert!(ground.tiles().next().is_none());

@@ -16,6 +16,8 @@ const MIN_POINTS: u32 = 3;
 const END_BINS: usize = 4;
 /// Unknown bins after which nothing more is known: 3 m, the shadow of a parked car.
 const UNKNOWN_BINS: usize = 30;
+/// Largest distance of an edge from the path, m: three lanes. Farther away, a street joins from the side.
+const MAX_HALF_M: f64 = 11.0;
 /// Width of a sidewalk, m, and the share of its points that are sidewalk.
 const MIN_SIDEWALK_M: f64 = 0.8;
 const SIDEWALK_SHARE: f64 = 0.4;
@@ -101,7 +103,30 @@ pub fn cross_sections(strips: &RoadStrips, road: usize) -> Vec<CrossSection> {
     };
     let mut sections: Vec<CrossSection> = stations.into_iter().map(section).collect();
     smooth_edges(&mut sections);
+    bridge_mouths(&mut sections);
     sections
+}
+
+/// Where a street joins from the side, the edge goes on straight between the edges before and after. The sidewalk ends there.
+fn bridge_mouths(sections: &mut [CrossSection]) {
+    for side in 0..2 {
+        let edge = |section: &CrossSection| {
+            let side = section.sides?[side];
+            (side.is_seen && side.edge_m.abs() <= MAX_HALF_M).then_some(side.edge_m)
+        };
+        let known: Vec<Option<f64>> = sections.iter().map(edge).collect();
+        for (idx, section) in sections.iter_mut().enumerate().filter(|(idx, _)| known[*idx].is_none()) {
+            let Some(sides) = &mut section.sides else { continue };
+            let before = (0..idx).rev().find_map(|k| Some((idx - k, known[k]?)));
+            let after = (idx + 1..known.len()).find_map(|k| Some((k - idx, known[k]?)));
+            let edge_m = match (before, after) {
+                (Some((a, from)), Some((b, to))) => from + (to - from) * a as f64 / (a + b) as f64,
+                (Some((_, only)), None) | (None, Some((_, only))) => only,
+                (None, None) => sides[side].edge_m.clamp(-MAX_HALF_M, MAX_HALF_M),
+            };
+            sides[side] = SideSection { edge_m, is_seen: false, sidewalk_m: None, kerb_m: 0.0 };
+        }
+    }
 }
 
 /// Mean height of a bin, m. `None` with few points.
@@ -286,6 +311,25 @@ pub(in crate::road) mod tests {
             assert!((broken.left_m + 3.0).abs() < 0.06 && !broken.is_solid, "{section:?}");
             assert!((solid.left_m - 0.25).abs() < 0.06 && solid.is_solid, "{section:?}");
         }
+    }
+
+    #[test]
+    fn edge_goes_straight_on_past_the_mouth_of_a_street() {
+        let seen = |edge_m: f64| SideSection { edge_m, is_seen: true, sidewalk_m: Some(edge_m + 2.0), kerb_m: 0.1 };
+        let section = |(idx, left): (usize, SideSection)| CrossSection {
+            station: 10 * idx,
+            height_m: None,
+            sides: Some([seen(-3.0), left]),
+            markings: Vec::new(),
+        };
+        let unseen = SideSection { is_seen: false, ..seen(19.9) };
+        let lefts = [unseen, seen(4.0), seen(15.0), unseen, seen(5.5), seen(5.6)];
+        let mut sections: Vec<CrossSection> = lefts.into_iter().enumerate().map(section).collect();
+        bridge_mouths(&mut sections);
+        let edges: Vec<f64> = sections.iter().filter_map(|section| Some(section.sides?[1].edge_m)).collect();
+        assert_eq!(edges, [4.0, 4.0, 4.5, 5.0, 5.5, 5.6]);
+        assert_eq!(sections[2].sides.expect("on a road")[1].sidewalk_m, None);
+        assert!(sections.iter().all(|section| section.sides.is_some_and(|[right, _]| right.is_seen)));
     }
 
     #[test]

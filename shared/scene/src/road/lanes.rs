@@ -147,16 +147,20 @@ fn continues(a: &Profile, b: &Profile) -> bool {
 }
 
 fn sections_of_run(profiles: Vec<Profile>, traffic: Traffic) -> Vec<LaneSection> {
-    let mut found: Vec<LaneSection> = Vec::new();
-    let mut chunks = profiles.chunk_by(continues).peekable();
-    while let Some(chunk) = chunks.next() {
-        let mut section = section(chunk, traffic);
-        // A section ends where the next one starts, with its own lanes.
-        if let Some(next) = chunks.peek() {
-            section.along_m.push(next[0].along_m);
-            section.boundaries.iter_mut().for_each(|boundary| boundary.left_m.extend(boundary.left_m.last().copied()));
+    let chunks: Vec<&[Profile]> = profiles.chunk_by(continues).collect();
+    let mut found: Vec<LaneSection> = chunks.iter().map(|chunk| section(chunk, traffic)).collect();
+    // A section ends where the next one starts. Boundaries that go on meet there.
+    for number in 1..found.len() {
+        let (before, after) = found.split_at_mut(number);
+        let (Some(section), Some(next)) = (before.last_mut(), after.first()) else { continue };
+        section.along_m.extend(next.along_m.first());
+        for boundary in &mut section.boundaries {
+            let last_m = boundary.left_m.last().copied().unwrap_or_default();
+            let is_like = |other: &&Boundary| (other.mark == Mark::Edge) == (boundary.mark == Mark::Edge);
+            let starts = next.boundaries.iter().filter(is_like).filter_map(|other| other.left_m.first().copied());
+            let nearest = starts.min_by(|a, b| (a - last_m).abs().total_cmp(&(b - last_m).abs()));
+            boundary.left_m.push(nearest.filter(|at| (at - last_m).abs() < SAME_LINE_M).unwrap_or(last_m));
         }
-        found.push(section);
     }
     // A single cross section at the end has no length: the section before ends there.
     found.retain(|section| section.along_m.len() > 1);

@@ -304,23 +304,25 @@ impl Road {
     }
 }
 
-/// Number of the lane that continues a lane in a neighboring section: the nearest one of its kind, if their middles are within a meter.
+/// Largest gap between the boundaries of a lane and its continuation, m: rounding.
+const MEETING_M: f64 = 1e-6;
+
+/// Number of the lane that continues a lane in a neighboring section: the one of its kind with the same boundaries where they meet.
 fn same_lane([own, other]: [&LaneSection; 2], lane: &Lane, is_before: bool) -> Option<i32> {
-    let middle = |section: &LaneSection, lane: &Lane, is_first: bool| {
-        let at = |boundary: usize| {
+    let edges = |section: &LaneSection, lane: &Lane, is_first: bool| {
+        [lane.inner, lane.outer].map(|boundary| {
             let values = &section.boundaries[boundary].left_m;
             if is_first { values[0] } else { values[values.len() - 1] }
-        };
-        0.5 * (at(lane.inner) + at(lane.outer))
+        })
     };
-    let place = middle(own, lane, is_before);
-    let is_like = |other: &&Lane| {
-        matches!(lane.kind, LaneKind::Driving) == matches!(other.kind, LaneKind::Driving)
-            && (lane.id > 0) == (other.id > 0)
+    let ends = edges(own, lane, is_before);
+    let continues = |found: &&Lane| {
+        let starts = edges(other, found, !is_before);
+        matches!(lane.kind, LaneKind::Driving) == matches!(found.kind, LaneKind::Driving)
+            && (lane.id > 0) == (found.id > 0)
+            && ends.iter().zip(starts).all(|(end, start)| (end - start).abs() < MEETING_M)
     };
-    let off = |found: &&Lane| (middle(other, found, !is_before) - place).abs();
-    let found = other.lanes.iter().filter(is_like).min_by(|a, b| off(a).total_cmp(&off(b)));
-    found.filter(|found| off(found) < 1.0).map(|found| found.id)
+    other.lanes.iter().find(continues).map(|found| found.id)
 }
 
 fn road_mark(mark: Mark) -> String {
@@ -349,14 +351,19 @@ impl Polynomial {
     }
 }
 
-/// Linear pieces through values at increasing places.
+/// Slopes that differ by less are one line.
+const SAME_SLOPE: f64 = 1e-9;
+
+/// Linear pieces through values at increasing places, as few as there are slopes.
 fn linear(s_m: &[f64], values: &[f64]) -> Vec<Polynomial> {
     let piece = |k: usize| {
         let length_m = s_m[k + 1] - s_m[k];
         let slope = if length_m > 0.0 { (values[k + 1] - values[k]) / length_m } else { 0.0 };
         Polynomial { at_m: s_m[k], value: values[k], slope }
     };
-    (0..s_m.len().saturating_sub(1)).map(piece).collect()
+    let mut pieces: Vec<Polynomial> = (0..s_m.len().saturating_sub(1)).map(piece).collect();
+    pieces.dedup_by(|next, before| (next.slope - before.slope).abs() < SAME_SLOPE);
+    pieces
 }
 
 /// Values with gaps closed by interpolation. `None` without values.

@@ -9,6 +9,7 @@ mod inspect_drive;
 mod instances;
 mod json;
 mod returns;
+mod scene;
 mod setup;
 mod support;
 mod survey;

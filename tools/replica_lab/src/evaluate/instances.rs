@@ -1,8 +1,6 @@
 //! `replica-lab evaluate instances`: scores the instances of all clouds of a run together. An object that changes its id from one
 //! submap to the next counts as a miss and a false positive.
 
-mod moving;
-
 use crate::true_points::TruePoints;
 use anyhow::{Context, bail, ensure};
 use command_line::answer::Answer;
@@ -11,7 +9,6 @@ use command_line::say_error;
 use drive::{Drive, MANIFEST_FILE, NoLabel};
 use formats::ply::Vertices;
 use messages::ClassId;
-use moving::{Moving, MovingScore};
 use pictures::cloud_files::cloud_files;
 use scores::{InstanceScores, Overlaps, PointLabel};
 use serde_json::{Value, json};
@@ -19,7 +16,7 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Score instances (SM, PQ, SQ, RQ, mIoU) and marks of moving points
+/// Score instances: SM, PQ, SQ, RQ and mIoU of each class.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage, 3 done, but some points have no ground truth\n\n\
                   Example: replica-lab evaluate instances drives/sample out/sample")]
@@ -40,14 +37,11 @@ pub struct Args {
 
 /// Prints the table.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let ComparedPoints { mut overlaps, moving, n_unknown } = overlaps(&args.truth, &args.prediction)?;
+    let ComparedPoints { mut overlaps, n_unknown } = overlaps(&args.truth, &args.prediction)?;
     let void = ClassId::Unlabeled as u8;
     let scores = args.classes.iter().map(|&class| overlaps.score(class as u8, void, args.min_points));
     let scores: Vec<InstanceScores> = scores.collect();
-    let moving_facts = moving.as_ref().map(MovingScore::facts);
-    let facts = json!({"classes": facts(&scores), "moving": moving_facts, "points_without_truth": n_unknown});
-    let text = || table(&scores) + &moving.as_ref().map_or_else(String::new, MovingScore::text);
-    args.answer.print(&facts, text)?;
+    args.answer.print(&json!({"classes": facts(&scores), "points_without_truth": n_unknown}), || table(&scores))?;
     if n_unknown == 0 {
         return Ok(ExitCode::SUCCESS);
     }
@@ -58,8 +52,6 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
 /// All points of a run.
 struct ComparedPoints {
     overlaps: Overlaps,
-    /// The mark of moving points. Only the labels of a drive show what moves.
-    moving: Option<MovingScore>,
     /// Number of points without truth.
     n_unknown: u64,
 }
@@ -70,12 +62,9 @@ fn overlaps(truth: &Path, prediction: &Path) -> anyhow::Result<ComparedPoints> {
     let predicted_files = cloud_files(prediction)?;
     if truth.join(MANIFEST_FILE).is_file() {
         let mut labels = TruePoints::open(Drive::open(truth)?)?;
-        let mut moving = Moving::default();
         for file in &predicted_files {
             let cloud = Vertices::load(file)?;
             let truth = labels.labels_of(&cloud).with_context(|| file.display().to_string())?;
-            let known: Vec<Option<PointLabel>> = truth.iter().map(|label| label.as_ref().ok().copied()).collect();
-            moving.add(&cloud, &known)?;
             for (predicted, truth) in point_labels(&cloud, file)?.into_iter().zip(truth) {
                 match truth {
                     Ok(truth) => {
@@ -86,7 +75,7 @@ fn overlaps(truth: &Path, prediction: &Path) -> anyhow::Result<ComparedPoints> {
                 }
             }
         }
-        return Ok(ComparedPoints { overlaps, moving: Some(moving.score()), n_unknown });
+        return Ok(ComparedPoints { overlaps, n_unknown });
     }
     let true_files = cloud_files(truth)?;
     let n_true = true_files.len();
@@ -100,7 +89,7 @@ fn overlaps(truth: &Path, prediction: &Path) -> anyhow::Result<ComparedPoints> {
         ensure!(n_true == n_points, "{}: {n_points} points, but {n_true} in the truth", file.display());
         truth.into_iter().zip(predicted).for_each(|(truth, predicted)| overlaps.add(truth, predicted));
     }
-    Ok(ComparedPoints { overlaps, moving: None, n_unknown })
+    Ok(ComparedPoints { overlaps, n_unknown })
 }
 
 /// Class and instance of each point of a cloud.
@@ -164,7 +153,7 @@ mod tests {
                 write_cloud(&side.join(format!("{name}.ply")), &[vec![(10, id); n], vec![(7, 0); 5]].concat());
             }
         }
-        let ComparedPoints { mut overlaps, n_unknown, .. } = overlaps(&truth, &found).expect("compares");
+        let ComparedPoints { mut overlaps, n_unknown } = overlaps(&truth, &found).expect("compares");
         let score = overlaps.score(10, 0, 10);
         assert_eq!((score.n_true, score.matches.as_slice(), n_unknown), (1, [1.0].as_slice(), 0));
         assert!(table(&[score]).contains("| vehicles | 1 | 1 | 100.00 | 100.00 |"));
