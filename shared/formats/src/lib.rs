@@ -9,7 +9,7 @@
 //! | points | [`ply`], [`pcd`], [`kitti`], [`nuscenes`], [`semantic_kitti`] over [`cloud`]; [`cloud_fields`]: names, units and scales of their fields |
 //! | images | [`jpeg`], [`pgm`], [`tiff`], [`raw_mosaic`], [`band_image`], [`multipart`] |
 //! | spectra | [`envi`], [`ecostress`], [`sensor_calibration`] |
-//! | poses and grids | [`trajectory`] (TUM, KITTI, CSV), [`sbet`], [`smrmsg`], [`novatel`], [`pose_table`], [`gtx`], [`gps_time`] |
+//! | poses and grids | [`trajectory`] (TUM, KITTI, CSV), [`sbet`], [`smrmsg`], [`novatel`], [`pose_table`], [`gtx`], [`ntv2`], [`gps_time`] |
 //! | calibrations | [`ladybug`] |
 //! | containers | [`npy`], [`sqlite`] |
 //!
@@ -31,6 +31,7 @@ pub mod ladybug;
 pub mod multipart;
 pub mod novatel;
 pub mod npy;
+pub mod ntv2;
 pub mod nuscenes;
 pub mod pcd;
 pub mod pgm;

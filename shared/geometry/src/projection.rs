@@ -4,8 +4,8 @@ use crate::Geodetic;
 use proj4rs::Proj;
 use proj4rs::transform::transform;
 
-/// A map projection, and the geographic coordinates of its ellipsoid. There is no shift between datums: positions keep the datum of the
-/// receiver.
+/// A map projection, and the geographic coordinates of the positions. Without [`Projection::shifted`] there is no shift between datums:
+/// positions keep the datum of the receiver.
 #[derive(Debug)]
 pub struct Projection {
     geodetic: Proj,
@@ -25,6 +25,17 @@ impl Projection {
         Ok(Self {
             geodetic: make(&format!("+proj=latlong {ellipsoid} +no_defs"))?,
             projected: make(&format!("{definition} {ellipsoid} +units=m +no_defs"))?,
+        })
+    }
+    /// A projection whose datum follows from WGS 84 by a Helmert transformation. `parameters` transform the datum to WGS 84 by position
+    /// vectors: three translations in m, three rotations in arc seconds, the scale difference in parts per million. Heights are above
+    /// the ellipsoid of the datum after [`Self::project`], and above WGS 84 after [`Self::unproject`].
+    pub fn shifted(definition: &str, ellipsoid: &str, parameters: &[f64; 7]) -> Result<Self, ProjectionError> {
+        let make = |text: &str| Proj::from_proj_string(text).map_err(|cause| ProjectionError(cause.to_string()));
+        let parameters = parameters.map(|value| value.to_string()).join(",");
+        Ok(Self {
+            geodetic: make("+proj=latlong +datum=WGS84 +no_defs")?,
+            projected: make(&format!("{definition} {ellipsoid} +towgs84={parameters} +units=m +no_defs"))?,
         })
     }
     /// Easting, northing (m, within 0.1 mm in the area of the projection) and height above the ellipsoid (m).

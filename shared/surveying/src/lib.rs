@@ -6,7 +6,7 @@
 //! | idea | module |
 //! |---|---|
 //! | what a run has written, the drives of a survey | [`RunFolder`], [`SurveyFile`], `cloud` |
-//! | coordinate reference systems, heights, local frame | `crs`, [`TargetFrame`] |
+//! | coordinate reference systems, their datums and heights; local frame | [`crs`], [`TargetFrame`] |
 //! | classes of the ASPRS | `asprs` |
 //! | columns of a cloud by the table of columns, values of a point | `cloud::columns` |
 //! | bytes of LAS and LAZ | `las` |
@@ -17,8 +17,8 @@
 //! | accuracy at points that were measured independently | [`check_points`] |
 //! | clouds for CloudCompare, sweeps for training | `cloudcompare`, `semantic_kitti` |
 //!
-//! This crate must never change the run that it reads, estimate or filter anything, or shift a datum: coordinates are
-//! converted, values are copied. It refers to no column by name unless a format gives it a meaning: the class of a LAS
+//! This crate must never change the run that it reads, estimate or filter anything, or shift between datums of
+//! receivers: coordinates are converted, values are copied. It refers to no column by name unless a format gives it a meaning: the class of a LAS
 //! record, the camera of a raster.
 //!
 //! Start reading with `tiles.rs` and `cloud_delivery.rs` (how points become records), then `target_frame.rs` (in which
@@ -60,6 +60,6 @@ pub use run_folder::{
     AdjustedCloud, AdjustedDrive, Georeference, RunFolder, SURVEY, SurveyFile, load_trajectory, open_survey,
 };
 pub use semantic_kitti::write_semantic_kitti;
-pub use target_frame::TargetFrame;
+pub use target_frame::{MapChoice, TargetFrame};
 pub use tiles::{PointFile, Tiling, WrittenTiles, write_tiles};
 pub use trajectory::write_trajectory;

@@ -2,12 +2,14 @@
 
 mod quadratic;
 
-use crate::crs::{Crs, CrsError, VerticalDatum};
+use crate::crs::{Crs, CrsError, HeightSystem, MapProjection, Named, VerticalDatum};
 use crate::geojson::unwrapped;
 use crate::run_folder::Georeference;
 use formats::gtx::GeoidGrid;
-use geometry::{Geodetic, Point3, Projection};
+use formats::ntv2::DatumGrid;
+use geometry::{Geodetic, Point3};
 use quadratic::Quadratic;
+use std::sync::Arc;
 
 /// The coordinate frame of the delivery.
 pub struct TargetFrame<'a> {
@@ -24,11 +26,32 @@ enum Kind {
     Map(Box<MapSystem>),
 }
 
-/// A projected system, with the grid that heights refer to and its name.
+/// A coordinate reference system with the files that it needs.
+#[derive(Clone, Debug)]
+pub struct MapChoice {
+    /// The projected system.
+    pub crs: Crs,
+    /// The vertical system. `None`: the system that the name of the geoid grid indicates, or without geoid the ellipsoid.
+    pub height: Option<HeightSystem>,
+    /// The grid that heights refer to. `None`: heights above the ellipsoid.
+    pub geoid: Option<Named<GeoidGrid>>,
+    /// The grid of the datum, for systems that need one.
+    pub datum_grid: Option<Arc<Named<DatumGrid>>>,
+}
+
+impl From<Crs> for MapChoice {
+    /// Heights above the ellipsoid, without grids.
+    fn from(crs: Crs) -> Self {
+        Self { crs, height: None, geoid: None, datum_grid: None }
+    }
+}
+
+/// A projected system, with the grid that heights refer to.
 struct MapSystem {
     crs: Crs,
-    projection: Projection,
-    geoid: Option<(String, GeoidGrid)>,
+    projection: MapProjection,
+    vertical: VerticalDatum,
+    geoid: Option<GeoidGrid>,
 }
 
 impl<'a> TargetFrame<'a> {
@@ -38,15 +61,17 @@ impl<'a> TargetFrame<'a> {
         Self { georeference, kind: if is_utm { Kind::Local } else { Kind::AsIs } }
     }
 
-    /// A coordinate reference system. `geoid` is the grid that heights refer to, with its name; without it, heights refer
-    /// to the ellipsoid.
-    pub fn projected(
-        georeference: &'a Georeference,
-        crs: Crs,
-        geoid: Option<(String, GeoidGrid)>,
-    ) -> Result<Self, CrsError> {
-        let projection = crs.projection()?;
-        Ok(Self { georeference: Some(georeference), kind: Kind::Map(Box::new(MapSystem { crs, projection, geoid })) })
+    /// A coordinate reference system.
+    pub fn projected(georeference: &'a Georeference, choice: impl Into<MapChoice>) -> Result<Self, CrsError> {
+        let MapChoice { crs, height, geoid, datum_grid } = choice.into();
+        let projection = crs.projection(datum_grid.as_ref())?;
+        let vertical = match (height, &geoid) {
+            (_, None) => VerticalDatum::Ellipsoid,
+            (Some(height), Some(_)) => VerticalDatum::Registered(height),
+            (None, Some(geoid)) => VerticalDatum::from_grid_name(&geoid.name),
+        };
+        let map = MapSystem { crs, projection, vertical, geoid: geoid.map(|geoid| geoid.grid) };
+        Ok(Self { georeference: Some(georeference), kind: Kind::Map(Box::new(map)) })
     }
 
     fn map(&self) -> Option<&MapSystem> {
@@ -59,21 +84,26 @@ impl<'a> TargetFrame<'a> {
     /// Description of the system. `None` for local coordinates.
     pub fn wkt(&self) -> Option<String> {
         let (crs, vertical) = self.crs()?;
-        Some(crs.wkt(&vertical))
+        Some(crs.wkt(vertical))
     }
 
     /// System and vertical datum. `None` for local coordinates.
-    pub fn crs(&self) -> Option<(&Crs, VerticalDatum)> {
-        let map = self.map()?;
-        let vertical =
-            map.geoid.as_ref().map_or(VerticalDatum::Ellipsoid, |(name, _)| VerticalDatum::Geoid(name.clone()));
-        Some((&map.crs, vertical))
+    pub fn crs(&self) -> Option<(&Crs, &VerticalDatum)> {
+        self.map().map(|map| (&map.crs, &map.vertical))
+    }
+
+    /// Name of the grid of the datum, for systems that need one.
+    pub fn datum_grid(&self) -> Option<&str> {
+        self.map()?.projection.grid_name()
     }
 
     /// The coordinate system in words.
     pub fn description(&self) -> String {
         match (self.crs(), self.georeference.and_then(Georeference::local)) {
-            (Some((crs, vertical)), _) => format!("{} (EPSG:{}), {}, m", crs.name(), crs.epsg(), vertical.name()),
+            (Some((crs, vertical)), _) => {
+                let grid = self.datum_grid().map_or_else(String::new, |grid| format!(", datum grid {grid}"));
+                format!("{} (EPSG:{}), {}{grid}, m", crs.name(), crs.epsg(), vertical.name())
+            }
             (None, Some(local)) => {
                 let Geodetic { latitude_deg, longitude_deg, altitude_m } = local.origin();
                 format!("local east-north-up around {latitude_deg} {longitude_deg} {altitude_m}, m")
@@ -91,12 +121,12 @@ impl<'a> TargetFrame<'a> {
 
     /// Coordinates of a geographic position. `None` if the delivery is not georeferenced.
     pub fn from_geodetic(&self, place: &Geodetic) -> Result<Option<[f64; 3]>, CrsError> {
-        let Some(MapSystem { crs, projection, geoid }) = self.map() else {
+        let Some(MapSystem { crs, projection, geoid, .. }) = self.map() else {
             let local = self.georeference.and_then(Georeference::local);
             return Ok(local.map(|local| local.world_from_geodetic(place).coords.into()));
         };
         let [east, north, height] = map_coordinates(crs, projection, place)?;
-        let undulation = geoid.as_ref().map_or(Ok(0.0), |(_, geoid)| {
+        let undulation = geoid.as_ref().map_or(Ok(0.0), |geoid| {
             let Geodetic { latitude_deg, longitude_deg, .. } = *place;
             let height = geoid.height(latitude_deg, longitude_deg);
             height.ok_or(CrsError::OutsideGeoid { latitude_deg, longitude_deg })
@@ -132,7 +162,7 @@ impl<'a> TargetFrame<'a> {
 }
 
 /// Easting, northing and height above the ellipsoid, m. Projections of the library may give infinite coordinates.
-fn map_coordinates(crs: &Crs, projection: &Projection, place: &Geodetic) -> Result<[f64; 3], CrsError> {
+fn map_coordinates(crs: &Crs, projection: &MapProjection, place: &Geodetic) -> Result<[f64; 3], CrsError> {
     let found = projection.project(place)?;
     let Geodetic { latitude_deg, longitude_deg, .. } = *place;
     if found.iter().any(|value| !value.is_finite()) {
@@ -142,7 +172,8 @@ fn map_coordinates(crs: &Crs, projection: &Projection, place: &Geodetic) -> Resu
 }
 
 /// Converts points that are close together. The projection is computed exactly at a few positions of each cell of 1 km,
-/// and elsewhere by a quadratic through them. The difference from the exact projection is below 0.01 mm.
+/// and elsewhere by a quadratic through them. The difference from the exact projection is below 0.01 mm. With a grid of the datum, which
+/// is not smooth at the edges of its cells, each point is projected.
 pub struct Converter<'a> {
     frame: &'a TargetFrame<'a>,
     /// The last cell is tried first.
@@ -156,8 +187,11 @@ impl Converter<'_> {
         if matches!(self.frame.kind, Kind::AsIs) {
             return Ok(xyz);
         }
+        if self.frame.map().is_some_and(|map| !map.projection.is_smooth()) {
+            return self.frame.from_cloud(xyz);
+        }
         let [x, y, height, latitude_deg, longitude_deg] = self.cell(xyz)?.at(xyz);
-        let Some(MapSystem { geoid: Some((_, geoid)), .. }) = self.frame.map() else { return Ok([x, y, height]) };
+        let Some(MapSystem { geoid: Some(geoid), .. }) = self.frame.map() else { return Ok([x, y, height]) };
         let undulation = geoid.height(latitude_deg, longitude_deg);
         Ok([x, y, height - undulation.ok_or(CrsError::OutsideGeoid { latitude_deg, longitude_deg })?])
     }

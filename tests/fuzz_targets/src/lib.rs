@@ -70,6 +70,7 @@ pub const TARGETS: [Target; 68] = [
     ("kitti_poses", texts::kitti_poses),
     ("check_points", texts::check_points),
     ("geoid_grid", texts::geoid_grid),
+    ("datum_grid", texts::datum_grid),
     ("launch_file", programs::launch_file),
     ("drive_manifest", programs::drive_manifest),
     ("mcap", programs::mcap),

@@ -3,6 +3,7 @@
 use crate::accepted::accepted;
 use formats::gtx::GeoidGrid;
 use formats::ladybug::LadybugCalibration;
+use formats::ntv2::DatumGrid;
 use formats::trajectory::{
     TrajectoryError, poses_from_kitti, times_from_kitti, trajectory_from_csv, trajectory_from_tum,
 };
@@ -52,6 +53,22 @@ pub(crate) fn geoid_grid(bytes: &[u8]) {
         let places = (-6..=6).flat_map(|i| (-12..=12).map(move |j| [f64::from(i) * 15.0, f64::from(j) * 15.0]));
         let heights = places.filter_map(|[latitude_deg, longitude_deg]| grid.height(latitude_deg, longitude_deg));
         assert!(heights.into_iter().all(|height| !height.is_nan()));
+    }
+}
+
+pub(crate) fn datum_grid(bytes: &[u8]) {
+    let read = DatumGrid::decode(bytes);
+    accepted(&read);
+    if let Ok(grid) = read {
+        for [latitude, longitude] in
+            (-6..=6).flat_map(|i| (-12..=12).map(move |j| [f64::from(i) * 15.0, f64::from(j) * 15.0]))
+        {
+            for found in
+                [grid.forward([latitude, longitude]), grid.inverse([latitude, longitude])].into_iter().flatten()
+            {
+                assert!(found.iter().all(|value| value.is_finite()), "{latitude} {longitude}: {found:?}");
+            }
+        }
     }
 }
 

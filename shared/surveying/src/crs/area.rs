@@ -9,59 +9,38 @@ use std::fmt;
 /// by up to 0.35 % instead of 0.1 %.
 pub const MARGIN_DEG: [f64; 2] = [0.5, 2.0];
 
-/// The area of use of a system by the EPSG registry (version 11.022), as a range of latitudes and longitudes.
+/// The area of use of a system by the EPSG registry, as a range of latitudes and longitudes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Area {
     latitude_deg: [f64; 2],
-    /// West and east; west is smaller.
+    /// West and east; west is larger if the area crosses the antimeridian.
     longitude_deg: [f64; 2],
-    /// Number of the UTM zone on WGS84, and whether it is in the north. In Norway and Svalbard, zones have other edges.
-    utm: Option<(u32, bool)>,
+    /// Number of the UTM zone. In Norway and Svalbard, zones have other edges.
+    utm_zone: Option<u32>,
 }
 
-/// West, south, east and north of RGF93 v1 / CC42 to CC50, degrees.
-const CONIC_ZONES: [[f64; 4]; 9] = [
-    [-1.06, 41.31, 9.63, 43.07],
-    [-1.79, 42.33, 7.65, 44.01],
-    [-1.79, 42.92, 7.71, 45.0],
-    [-1.46, 44.0, 7.71, 46.0],
-    [-2.21, 45.0, 7.16, 47.0],
-    [-4.77, 46.0, 7.63, 48.0],
-    [-4.87, 47.0, 8.23, 49.0],
-    [-4.87, 48.0, 8.23, 50.0],
-    [-2.03, 49.0, 8.08, 51.14],
-];
-/// Southernmost latitude of ETRS89, degrees. The registry restricts some zones further, to the countries that use them.
-const ETRS89_SOUTH: f64 = 34.0;
-
 impl Area {
-    /// The area of a supported system.
-    pub(super) fn from_epsg(epsg: u32) -> Self {
-        let zone = |zone: u32| [f64::from(zone) * 6.0 - 186.0, f64::from(zone) * 6.0 - 180.0];
-        let area = |[west, south, east, north]: [f64; 4]| Self {
-            latitude_deg: [south, north],
-            longitude_deg: [west, east],
-            utm: None,
+    /// West, south, east and north of the system with this number, degrees.
+    pub(super) const fn new(epsg: u32, [west, south, east, north]: [f64; 4]) -> Self {
+        let utm_zone = match epsg {
+            32_601..=32_660 => Some(epsg - 32_600),
+            32_701..=32_760 => Some(epsg - 32_700),
+            25_828..=25_838 => Some(epsg - 25_800),
+            _ => None,
         };
-        match epsg {
-            32_601..=32_660 => {
-                Self { latitude_deg: [0.0, 84.0], longitude_deg: zone(epsg - 32_600), utm: Some((epsg - 32_600, true)) }
-            }
-            32_701..=32_760 => Self {
-                latitude_deg: [-80.0, 0.0],
-                longitude_deg: zone(epsg - 32_700),
-                utm: Some((epsg - 32_700, false)),
-            },
-            25_828..=25_838 => Self {
-                latitude_deg: [ETRS89_SOUTH, 84.0],
-                longitude_deg: zone(epsg - 25_800),
-                utm: Some((epsg - 25_800, true)),
-            },
-            3942..=3950 => area(CONIC_ZONES[(epsg - 3942) as usize]),
-            3812 => area([2.5, 49.5, 6.4, 51.51]),
-            // Lambert-93.
-            _ => area([-9.86, 41.15, 10.38, 51.56]),
-        }
+        Self { latitude_deg: [south, north], longitude_deg: [west, east], utm_zone }
+    }
+
+    /// Size for a comparison of areas: degrees of latitude times degrees of longitude at the equator.
+    pub(super) fn square_deg(&self) -> f64 {
+        let [south, north] = self.latitude_deg;
+        (north - south) * self.width_deg() * f64::midpoint(south, north).to_radians().cos()
+    }
+
+    fn width_deg(&self) -> f64 {
+        let [west, east] = self.longitude_deg;
+        // The whole Earth has a width of 360 degrees, not 0.
+        if east < west { east - west + 360.0 } else { east - west }
     }
 
     /// Whether a position is in the area.
@@ -76,18 +55,18 @@ impl Area {
 
     fn is_within(&self, place: &Geodetic, [latitude_margin, longitude_margin]: [f64; 2]) -> bool {
         let [south, north] = self.latitude_deg;
-        let [west, east] = self.longitude_deg;
         if !(south - latitude_margin..=north + latitude_margin).contains(&place.latitude_deg) {
             return false;
         }
+        let half_width = self.width_deg() / 2.0;
         // The shorter arc, which may cross the antimeridian.
-        let off = place.longitude_deg - f64::midpoint(west, east);
+        let off = place.longitude_deg - (self.longitude_deg[0] + half_width);
         let off = (off + 180.0).rem_euclid(360.0) - 180.0;
         let is_of_zone = || {
             let found = Utm::from_geodetic(place).ok().map(|utm| utm.zone());
-            self.utm.is_some_and(|(zone, _)| found == Some(zone))
+            self.utm_zone.is_some() && found == self.utm_zone
         };
-        off.abs() <= (east - west) / 2.0 + longitude_margin || is_of_zone()
+        off.abs() <= half_width + longitude_margin || is_of_zone()
     }
 }
 
@@ -109,7 +88,7 @@ mod tests {
     }
 
     fn area(epsg: u32) -> Area {
-        Crs::from_epsg(epsg).expect("is supported").area()
+        Crs::from_epsg(epsg).expect("is supported").area().clone()
     }
 
     #[test]
@@ -154,6 +133,15 @@ mod tests {
             (3943, 48.85, 2.35, false, false),
             (3812, 48.85, 2.35, false, false),
             (3812, 49.3, 4.0, false, true),
+            // NZCS2000, whose area crosses the antimeridian.
+            (3851, -40.0, 179.0, true, true),
+            (3851, -40.0, -179.0, true, true),
+            (3851, -40.0, -170.0, false, true),
+            (3851, -40.0, 0.0, false, false),
+            // Around the pole.
+            (5041, 85.0, -179.0, true, true),
+            (5041, 59.6, 10.0, false, true),
+            (5041, 48.0, 10.0, false, false),
         ] {
             let place = place(lat, lon);
             let found = (area(epsg).contains(&place), area(epsg).contains_with_margin(&place));
@@ -165,9 +153,13 @@ mod tests {
     fn systems_of_a_place_are_listed_with_utm_first() {
         let numbers =
             |lat: f64, lon: f64| -> Vec<u32> { Crs::containing(&place(lat, lon)).iter().map(Crs::epsg).collect() };
-        assert_eq!(numbers(48.846_222, 2.346_414), [32_631, 25_831, 2154, 3948, 3949]);
-        assert_eq!(numbers(50.85, 4.35), [32_631, 25_831, 2154, 3950, 3812]);
-        assert_eq!(numbers(-33.86, 151.2), [32_756]);
-        assert!(numbers(85.0, 10.0).is_empty());
+        assert_eq!(numbers(48.846_222, 2.346_414)[..2], [32_631, 25_831]);
+        assert!(numbers(48.846_222, 2.346_414).contains(&3949), "{:?}", numbers(48.846_222, 2.346_414));
+        assert!(numbers(50.85, 4.35).contains(&3812), "{:?}", numbers(50.85, 4.35));
+        assert_eq!(numbers(-33.86, 151.2)[0], 32_756);
+        assert!(numbers(46.95, 7.44).contains(&2056), "{:?}", numbers(46.95, 7.44));
+        // Grids of datums are not at hand.
+        assert!(!numbers(51.5, -0.1).contains(&27_700), "{:?}", numbers(51.5, -0.1));
+        assert!(numbers(85.0, 10.0).contains(&5041), "{:?}", numbers(85.0, 10.0));
     }
 }

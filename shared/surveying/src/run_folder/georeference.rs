@@ -1,10 +1,10 @@
 //! Placement of the clouds of a run on the Earth.
 
-use crate::crs::{Crs, CrsError};
+use crate::crs::{Crs, CrsError, MapProjection};
 use crate::error::DeliverError;
 use delivery::{GeoreferenceFile, UtmOrigin};
 use files::regular_file;
-use geometry::{Geodetic, LocalFrame, Point3, Projection};
+use geometry::{Geodetic, LocalFrame, Point3};
 use std::path::Path;
 
 /// Frames of the clouds and of the trajectory.
@@ -14,7 +14,7 @@ pub struct Georeference {
     local: Option<LocalFrame>,
     /// Projection of the clouds and the heading of grid north, clockwise from true north, rad. `None` if the clouds are
     /// in the local frame.
-    utm: Option<(Projection, f64)>,
+    utm: Option<(MapProjection, f64)>,
 }
 
 impl Georeference {
@@ -32,7 +32,7 @@ impl Georeference {
         let utm = match (frame == trajectory_frame, utm) {
             (true, _) => None,
             (false, Some(UtmOrigin { epsg, convergence_deg, .. })) => {
-                let projection = Crs::from_epsg(epsg).and_then(|crs| Ok(crs.projection()?));
+                let projection = Crs::from_epsg(epsg).and_then(|crs| crs.projection(None));
                 let projection = projection.map_err(|error| DeliverError::content(path, error.to_string()))?;
                 Some((projection, convergence_deg.to_radians()))
             }

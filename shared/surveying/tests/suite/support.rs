@@ -106,8 +106,7 @@ pub fn options() -> CloudOptions {
 /// UTM at the origin of the run.
 pub fn utm(georeference: &Georeference) -> TargetFrame<'_> {
     let origin = georeference.local().expect("is placed").origin();
-    TargetFrame::projected(georeference, surveying::crs::Crs::utm_of(&origin).expect("has a zone"), None)
-        .expect("a frame")
+    TargetFrame::projected(georeference, surveying::crs::Crs::utm_of(&origin).expect("has a zone")).expect("a frame")
 }
 
 /// A file of point format 7, decoded by the crate laz.

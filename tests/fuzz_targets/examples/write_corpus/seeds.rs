@@ -66,6 +66,7 @@ pub fn all() -> Vec<(&'static str, Vec<Vec<u8>>)> {
         ("kitti_poses", vec![poses.into_bytes()]),
         ("check_points", vec![CHECK_POINTS.as_bytes().to_vec()]),
         ("geoid_grid", vec![geoid_grid()]),
+        ("datum_grid", vec![datum_grid()]),
         ("launch_file", vec![LAUNCH.as_bytes().to_vec()]),
         ("drive_manifest", vec![DRIVE.as_bytes().to_vec()]),
         ("mcap", vec![mcap()]),
@@ -489,4 +490,32 @@ fn geoid_grid() -> Vec<u8> {
     let sizes = [3_i32, 4].into_iter().flat_map(i32::to_be_bytes);
     let values = (0..12_u8).map(|i| if i == 5 { -88.8888 } else { 44.0 + f32::from(i) }).flat_map(f32::to_be_bytes);
     doubles.chain(sizes).chain(values).collect()
+}
+
+/// Shifts in 2 rows of 3 columns from latitude 45 to 60, longitude 0 to 30, and in 2 rows of 2 columns inside.
+fn datum_grid() -> Vec<u8> {
+    let count = |name: &str, value: i32| [format!("{name:8}").as_bytes(), &value.to_le_bytes(), &[0; 4]].concat();
+    let number = |name: &str, value: f64| [format!("{name:8}").as_bytes(), &(value * 3600.0).to_le_bytes()].concat();
+    let word = |name: &str, value: &str| format!("{name:8}{value:8}").into_bytes();
+    let mut records =
+        vec![count("NUM_OREC", 11), count("NUM_SREC", 11), count("NUM_FILE", 2), word("GS_TYPE", "SECONDS")];
+    records.extend(
+        ["VERSION", "SYSTEM_F", "SYSTEM_T", "MAJOR_F", "MINOR_F", "MAJOR_T", "MINOR_T"].map(|name| word(name, "")),
+    );
+    for (name, parent, [south, north, east, west], n) in
+        [("COARSE", "NONE", [45.0, 60.0, -30.0, 0.0], 6_u8), ("FINE", "COARSE", [45.0, 60.0, -15.0, 0.0], 4)]
+    {
+        records.extend([word("SUB_NAME", name), word("PARENT", parent), word("CREATED", ""), word("UPDATED", "")]);
+        records.extend([
+            number("S_LAT", south),
+            number("N_LAT", north),
+            number("E_LONG", east),
+            number("W_LONG", west),
+        ]);
+        records.extend([number("LAT_INC", 15.0), number("LONG_INC", 15.0), count("GS_COUNT", i32::from(n))]);
+        records.extend(
+            (0..n).map(|i| [3.0 + f32::from(i), -2.0, 0.1, 0.1].into_iter().flat_map(f32::to_le_bytes).collect()),
+        );
+    }
+    records.concat()
 }

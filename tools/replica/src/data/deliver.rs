@@ -58,7 +58,7 @@ pub struct Args {
     /// Folder for the files; created if absent, must be empty
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Coordinates: auto (UTM of the place), local (east, north, up at the origin of the run), or EPSG:N
+    /// Coordinates: auto (UTM of the place), local (east, north, up at the origin of the run), EPSG:N, or with heights EPSG:N+M
     #[arg(long, default_value = "auto")]
     crs: CrsChoice,
     /// Use the system of --crs also outside of its area of use
@@ -67,6 +67,9 @@ pub struct Args {
     /// Heights above the geoid of this grid (.gtx) instead of the ellipsoid
     #[arg(long, value_name = "GTX")]
     geoid: Option<PathBuf>,
+    /// Grid of the datum (.gsb, NTv2), for systems of --crs that need one
+    #[arg(long, value_name = "GSB")]
+    grid: Option<PathBuf>,
     /// Write local coordinates if heading, height or position of the run is not determined
     #[arg(long)]
     allow_unreferenced: bool,

@@ -23,6 +23,11 @@ pub struct Facts<'a> {
     epsg: Option<u32>,
     /// Vertical datum; null for local coordinates.
     heights: Option<String>,
+    /// EPSG number of the vertical datum; null for ellipsoidal heights, unknown geoids and local coordinates.
+    heights_epsg: Option<u32>,
+    /// Grid of the datum; left out if the system needs none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    datum_grid: Option<&'a str>,
     /// Why coordinates are local although a reference system was wanted.
     unreferenced: Option<&'a str>,
     /// Where the drive is outside of the area of use of the reference system; left out if it is inside or within the margin.
@@ -58,6 +63,8 @@ impl<'a> Facts<'a> {
             frame: target.description(),
             epsg: crs.as_ref().map(|(crs, _)| crs.epsg()),
             heights: crs.as_ref().map(|(_, vertical)| vertical.name()),
+            heights_epsg: crs.as_ref().and_then(|(_, vertical)| vertical.epsg()),
+            datum_grid: target.datum_grid(),
             unreferenced: unreferenced.as_deref(),
             outside_area: outside_area.as_deref(),
             begin_s: runs.iter().filter_map(RunFolder::begin_nanos).min().map(|nanos| Stamp(nanos).to_string()),

@@ -8,12 +8,15 @@ use command_line::say_error;
 use command_line::usage_error::UsageError;
 use doubts::{DoubtKind, Severity};
 use formats::gtx::GeoidGrid;
+use formats::ntv2::DatumGrid;
 use geometry::{Geodetic, LocalFrame};
 use run::health::ReportedDoubt;
 use run::summary::Summary;
+use std::path::Path;
 use std::str::FromStr;
-use surveying::crs::{Crs, CrsError, MARGIN_DEG};
-use surveying::{Georeference, RunFolder, TargetFrame};
+use std::sync::Arc;
+use surveying::crs::{Area, Crs, CrsCode, CrsError, HeightSystem, MARGIN_DEG, Named, VerticalDatum};
+use surveying::{Georeference, MapChoice, RunFolder, TargetFrame};
 
 /// The argument `--crs`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,19 +26,17 @@ pub enum CrsChoice {
     /// East, north, up at the origin of the run.
     Local,
     /// The reference system with this EPSG number.
-    Epsg(u32),
+    Epsg(CrsCode),
 }
 
 impl FromStr for CrsChoice {
     type Err = InvalidValue;
 
     fn from_str(text: &str) -> Result<Self, InvalidValue> {
-        let epsg =
-            || text.get(..5).filter(|begin| begin.eq_ignore_ascii_case("epsg:")).and(text.get(5..)?.parse().ok());
         match text {
             "auto" => Ok(Self::Auto),
             "local" => Ok(Self::Local),
-            _ => epsg().map(Self::Epsg).ok_or(InvalidValue("auto, local or EPSG:N")),
+            _ => text.parse().map(Self::Epsg).map_err(|_| InvalidValue("auto, local, EPSG:N or EPSG:N+M")),
         }
     }
 }
@@ -71,36 +72,30 @@ pub fn choose<'a>(args: &Args, source: &'a Source) -> anyhow::Result<ChosenFrame
     let is_epsg = matches!(args.crs, CrsChoice::Epsg(_));
     ensure!(is_epsg || !args.force_crs, UsageError("--force-crs: needs --crs EPSG:N".into()));
     if args.crs == CrsChoice::Local {
-        ensure!(
-            args.geoid.is_none(),
-            UsageError("--geoid: needs a coordinate reference system, not --crs local".into())
-        );
+        for (option, is_given) in [("--geoid", args.geoid.is_some()), ("--grid", args.grid.is_some())] {
+            let rule = format!("{option}: needs a coordinate reference system, not --crs local");
+            ensure!(!is_given, UsageError(rule));
+        }
         return Ok(local(None));
     }
-    // Errors of files are reported before errors of the run.
-    let geoid = match &args.geoid {
-        None => None,
-        Some(path) => {
-            let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-            Some((name, GeoidGrid::load(path)?))
-        }
-    };
+    ensure!(is_epsg || args.grid.is_none(), UsageError("--grid: needs --crs EPSG:N".into()));
     let wanted = match args.crs {
-        CrsChoice::Epsg(epsg) => Some(Crs::from_epsg(epsg).map_err(|error| UsageError(format!("--crs: {error}")))?),
+        CrsChoice::Epsg(code) => Some(open_system(code, args.geoid.as_deref(), args.grid.as_deref())?),
         _ => None,
     };
+    let geoid = if wanted.is_none() { args.geoid.as_deref().map(load_geoid).transpose()? } else { None };
     if let (CrsChoice::Auto, false, Some(origin)) = (args.crs, args.allow_unreferenced, origin(run))
         && let Err(error) = Crs::utm_of(&origin)
     {
         bail!("{}: --crs auto: {error}\nhint: {POLAR}", args.run.display());
     }
     let mut frame = projected_or_local(run, unplaced, wanted, geoid)?;
-    if let Some((crs, _)) = frame.target.crs()
-        && let Some(place) = runs.iter().find_map(|run| place_outside(run, crs))
+    if let Some((crs, vertical)) = frame.target.crs()
+        && let Some((system, place)) = runs.iter().find_map(|run| outside(run, crs, vertical))
     {
-        let text = outside_text(crs, &place);
+        let text = outside_text(&system, &place);
         // A place outside of the margin comes first.
-        let is_near = crs.area().contains_with_margin(&place);
+        let is_near = system.area.contains_with_margin(&place);
         if is_epsg && !is_near && !args.force_crs {
             return Err(UsageError(format!("--crs: {text}; {}", systems_that_fit(crs, &place))).into());
         }
@@ -120,8 +115,8 @@ pub fn choose<'a>(args: &Args, source: &'a Source) -> anyhow::Result<ChosenFrame
 }
 
 /// Where the clouds of a run near a pole can be delivered.
-const POLAR: &str = "--crs local writes east, north, up at the origin, which delivery.json states; PROJ converts these to a polar \
-                     system such as EPSG:5041 (WGS 84 / UPS North) or EPSG:5042 (UPS South)";
+const POLAR: &str = "--crs EPSG:5041 (WGS 84 / UPS North) or EPSG:5042 (UPS South) is for the poles; --crs local writes east, north, up at \
+                     the origin, which delivery.json states";
 
 fn origin(run: &RunFolder) -> Option<Geodetic> {
     run.georeference.as_ref().and_then(Georeference::local).map(LocalFrame::origin)
@@ -137,24 +132,40 @@ fn path(run: &RunFolder) -> impl Iterator<Item = Geodetic> + '_ {
     origin(run).into_iter().chain(poses)
 }
 
-/// A place of the drive outside of the area of use of a system: outside of the margin if there is one, else outside of the
-/// area itself.
-fn place_outside(run: &RunFolder, crs: &Crs) -> Option<Geodetic> {
-    let area = crs.area();
-    let far = path(run).find(|place| !area.contains_with_margin(place));
-    far.or_else(|| path(run).find(|place| !area.contains(place)))
+/// A system of the delivery, horizontal or vertical.
+struct System<'a> {
+    epsg: u32,
+    name: &'static str,
+    area: &'a Area,
 }
 
-fn outside_text(crs: &Crs, place: &Geodetic) -> String {
+/// The first system of which the drive leaves the area of use, and a place there: outside of the margin if there is one, else outside of
+/// the area itself.
+fn outside<'a>(run: &RunFolder, crs: &'a Crs, vertical: &'a VerticalDatum) -> Option<(System<'a>, Geodetic)> {
+    let horizontal = System { epsg: crs.epsg(), name: crs.name(), area: crs.area() };
+    let height = match vertical {
+        VerticalDatum::Registered(height) => {
+            Some(System { epsg: height.epsg(), name: height.name(), area: height.area() })
+        }
+        VerticalDatum::Ellipsoid | VerticalDatum::Geoid(_) => None,
+    };
+    let mut found = None;
+    for system in [Some(horizontal), height].into_iter().flatten() {
+        if let Some(place) = path(run).find(|place| !system.area.contains_with_margin(place)) {
+            return Some((system, place));
+        }
+        let near = path(run).find(|place| !system.area.contains(place));
+        found = found.or(near.map(|place| (system, place)));
+    }
+    found
+}
+
+fn outside_text(System { epsg, name, area }: &System<'_>, place: &Geodetic) -> String {
     let [latitude_margin, longitude_margin] = MARGIN_DEG;
     format!(
-        "EPSG:{} ({}) is for {} degrees, with a margin of {latitude_margin} and {longitude_margin} degrees; the drive is at latitude \
-         {:.6} longitude {:.6}",
-        crs.epsg(),
-        crs.name(),
-        crs.area(),
-        place.latitude_deg,
-        place.longitude_deg
+        "EPSG:{epsg} ({name}) is for {area} degrees, with a margin of {latitude_margin} and {longitude_margin} degrees; the drive is at \
+         latitude {:.6} longitude {:.6}",
+        place.latitude_deg, place.longitude_deg
     )
 }
 
@@ -165,7 +176,7 @@ fn systems_that_fit(crs: &Crs, place: &Geodetic) -> String {
     let force = format!("--force-crs writes EPSG:{} nevertheless", crs.epsg());
     match fitting.first() {
         Some(first) => format!("systems that fit: {}\nhint: --crs EPSG:{}; {force}", names.join(", "), first.epsg()),
-        None => format!("no supported system fits, UTM ends at latitudes -80 and 84\nhint: {POLAR}; {force}"),
+        None => format!("no system of the registry fits\nhint: {POLAR}; {force}"),
     }
 }
 
@@ -174,11 +185,68 @@ pub fn utm_or_local<'a>(run: &'a RunFolder, summary: &Summary) -> anyhow::Result
     projected_or_local(run, &unplaced(summary), None, None)
 }
 
+/// The system of a code with its files. Errors are errors of usage, except those of the files.
+pub fn open_system(code: CrsCode, geoid: Option<&Path>, grid: Option<&Path>) -> anyhow::Result<MapChoice> {
+    let usage = |option: &str, error: &CrsError| UsageError(format!("{option}: {error}"));
+    let crs = Crs::from_epsg(code.horizontal).map_err(|error| usage("--crs", &error))?;
+    let height = code.height.map(HeightSystem::from_epsg).transpose().map_err(|error| usage("--crs", &error))?;
+    let datum_grid =
+        grid.map(|path| Ok::<_, anyhow::Error>(Arc::new(named(path, DatumGrid::load(path)?)))).transpose()?;
+    if let Err(error) = crs.projection(datum_grid.as_ref()) {
+        let (option, hint) = match error {
+            CrsError::NeedsGrid { .. } => ("--crs", GRID_HINT),
+            _ => ("--grid", ""),
+        };
+        return Err(UsageError(format!("{option}: {error}{hint}")).into());
+    }
+    let geoid = geoid.map(load_geoid).transpose()?;
+    if let Some(height) = &height {
+        check_geoid(height, geoid.as_ref())?;
+    }
+    Ok(MapChoice { crs, height, geoid, datum_grid })
+}
+
+/// How to give a grid of a datum.
+const GRID_HINT: &str = "\nhint: --grid FILE.gsb; the survey of the country has the file, GDAL converts the GeoTIFF of PROJ: `gdal_translate \
+                         -of NTv2 FILE.tif FILE.gsb`";
+
+/// Heights of a system need its geoid grid.
+fn check_geoid(height: &HeightSystem, geoid: Option<&Named<GeoidGrid>>) -> Result<(), UsageError> {
+    let name = format!("EPSG:{} ({})", height.epsg(), height.name());
+    let Some(geoid) = geoid else {
+        let known = match height.grids() {
+            [] => "the registry names none".to_owned(),
+            grids => format!("PROJ has {}, from https://cdn.proj.org", grids.join(", ")),
+        };
+        return Err(UsageError(format!(
+            "--crs: heights of {name} need its geoid grid; {known}\nhint: --geoid FILE.gtx; GDAL converts a GeoTIFF: `gdal_translate -b 1 \
+             -of GTX FILE.tif FILE.gtx`"
+        )));
+    };
+    match VerticalDatum::from_grid_name(&geoid.name) {
+        VerticalDatum::Registered(other) if other.epsg() != height.epsg() => Err(UsageError(format!(
+            "--geoid: {} has heights of EPSG:{} ({}), --crs wants heights of {name}",
+            geoid.name,
+            other.epsg(),
+            other.name()
+        ))),
+        _ => Ok(()),
+    }
+}
+
+fn load_geoid(path: &Path) -> anyhow::Result<Named<GeoidGrid>> {
+    Ok(named(path, GeoidGrid::load(path)?))
+}
+
+fn named<G>(path: &Path, grid: G) -> Named<G> {
+    Named { name: path.file_name().unwrap_or_default().to_string_lossy().into_owned(), grid }
+}
+
 fn projected_or_local<'a>(
     run: &'a RunFolder,
     unplaced: &[String],
-    wanted: Option<Crs>,
-    geoid: Option<(String, GeoidGrid)>,
+    wanted: Option<MapChoice>,
+    geoid: Option<Named<GeoidGrid>>,
 ) -> anyhow::Result<ChosenFrame<'a>> {
     let georeference = run.georeference.as_ref();
     let origin = origin(run);
@@ -189,12 +257,13 @@ fn projected_or_local<'a>(
     };
     match (not_determined(origin.is_some(), unplaced), georeference, origin) {
         (None, Some(georeference), Some(origin)) => {
-            let crs = match wanted.map_or_else(|| Crs::utm_of(&origin), Ok) {
+            let in_utm = || Ok(MapChoice { geoid, ..MapChoice::from(Crs::utm_of(&origin)?) });
+            let choice = match wanted.map_or_else(in_utm, Ok) {
                 // Near the poles.
                 Err(CrsError::Utm(error)) => return Ok(local(error.to_string())),
                 found => found?,
             };
-            let target = TargetFrame::projected(georeference, crs, geoid)?;
+            let target = TargetFrame::projected(georeference, choice)?;
             Ok(ChosenFrame { target, unreferenced: None, outside_area: None })
         }
         (reasons, ..) => Ok(local(reasons.unwrap_or_default())),
@@ -222,7 +291,8 @@ mod tests {
     #[test]
     fn choice_is_auto_local_or_a_number() {
         assert_eq!("auto".parse::<CrsChoice>().expect("is one"), CrsChoice::Auto);
-        assert_eq!("epsg:2154".parse::<CrsChoice>().expect("is one"), CrsChoice::Epsg(2154));
+        let code = CrsCode { horizontal: 2154, height: None };
+        assert_eq!("epsg:2154".parse::<CrsChoice>().expect("is one"), CrsChoice::Epsg(code));
         for text in ["", "2154", "EPSG:", "EPSG:x", "utm", "é:4326"] {
             assert!(text.parse::<CrsChoice>().is_err(), "{text}");
         }

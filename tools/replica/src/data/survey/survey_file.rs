@@ -1,13 +1,15 @@
 //! `survey.toml`: the drives and points of a survey.
 
+use crate::data::deliver::frame::open_system;
 use anyhow::{Context, bail, ensure};
 use files::text_file::read_toml;
 use formats::gtx::GeoidGrid;
-use geometry::{Geodetic, Projection};
+use geometry::Geodetic;
 use serde::Deserialize;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use surveying::crs::Crs;
+use surveying::MapChoice;
+use surveying::crs::{CrsCode, MapProjection};
 
 /// The whole file. Paths are relative to its folder.
 #[derive(Debug, Deserialize)]
@@ -35,15 +37,17 @@ pub struct Drive {
 pub struct Points {
     /// The table.
     pub file: PathBuf,
-    /// Coordinate reference system of the table, `EPSG:N`.
+    /// Coordinate reference system of the table, `EPSG:N`, or with its heights `EPSG:N+M`.
     crs: String,
     /// Grid that its heights refer to; without it, they are above the ellipsoid.
     geoid: Option<PathBuf>,
+    /// Grid of its datum, for systems that need one.
+    grid: Option<PathBuf>,
 }
 
 /// The coordinates of a table of points.
 pub struct PointSystem {
-    projection: Projection,
+    projection: MapProjection,
     geoid: Option<GeoidGrid>,
 }
 
@@ -78,7 +82,9 @@ impl Wanted {
         }
         if let Some(points) = &mut wanted.points {
             points.file = folder.join(&points.file);
-            points.geoid = points.geoid.as_ref().map(|geoid| folder.join(geoid));
+            for grid in [&mut points.geoid, &mut points.grid].into_iter().flatten() {
+                *grid = folder.join(&*grid);
+            }
         }
         Ok(wanted)
     }
@@ -87,10 +93,13 @@ impl Wanted {
 impl Points {
     /// The system of the table.
     pub fn system(&self) -> anyhow::Result<PointSystem> {
-        let epsg = self.crs.strip_prefix("EPSG:").and_then(|number| number.parse().ok());
-        let Some(epsg) = epsg else { bail!("points.crs: {:?} must be EPSG:N", self.crs) };
-        let projection = Crs::from_epsg(epsg).and_then(|crs| Ok(crs.projection()?)).context("points.crs")?;
-        let geoid = self.geoid.as_deref().map(GeoidGrid::load).transpose()?;
+        let Ok(code) = self.crs.parse::<CrsCode>() else {
+            bail!("points.crs: {:?} must be EPSG:N or EPSG:N+M", self.crs)
+        };
+        let MapChoice { crs, geoid, datum_grid, .. } =
+            open_system(code, self.geoid.as_deref(), self.grid.as_deref()).context("points")?;
+        let projection = crs.projection(datum_grid.as_ref()).context("points.crs")?;
+        let geoid = geoid.map(|geoid| geoid.grid);
         Ok(PointSystem { projection, geoid })
     }
 }
