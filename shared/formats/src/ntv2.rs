@@ -1,4 +1,4 @@
-//! Grids of datum shifts in the format NTv2 (National Transformation version 2, Geodetic Survey of Canada): shifts of latitude and longitude
+//! Grids of datum shifts in the format `NTv2` (National Transformation version 2, Geodetic Survey of Canada): shifts of latitude and longitude
 //! between two datums at nodes, with finer grids inside of coarser ones.
 //!
 //! The file has records of 16 bytes in one byte order. A header record is a name of 8 bytes and a value of 8 bytes.
@@ -47,7 +47,7 @@ struct SubGrid {
     shifts: Vec<[f32; 2]>,
 }
 
-/// Error of a file that is not an NTv2 grid.
+/// Error of a file that is not an `NTv2` grid.
 #[derive(Debug, thiserror::Error)]
 pub enum Ntv2Error {
     /// The file cannot be read.
@@ -182,8 +182,8 @@ impl DatumGrid {
     /// Shift to the north and east at a position of the first datum, degrees, bilinear between the nodes of the finest grid.
     fn shift(&self, position_deg: [f64; 2]) -> Option<[f64; 2]> {
         let contains = |parent: Option<usize>| {
-            let children = self.grids.iter().enumerate().filter(move |(_, grid)| grid.parent == parent);
-            children.filter_map(|(k, grid)| grid.cell(position_deg).map(|cell| (k, cell))).next()
+            let mut children = self.grids.iter().enumerate().filter(move |(_, grid)| grid.parent == parent);
+            children.find_map(|(k, grid)| grid.cell(position_deg).map(|cell| (k, cell)))
         };
         let mut found = contains(None)?;
         // A cycle of parents has no grid without parent; the count guards all the same.

@@ -30,7 +30,7 @@ pub struct MapProjection {
 #[derive(Clone, Debug)]
 enum Shift {
     None,
-    /// By the projection itself.
+    /// The projection itself contains the shift.
     Helmert,
     Grid {
         grid: Arc<Named<DatumGrid>>,
@@ -80,7 +80,7 @@ impl Crs {
     }
 }
 
-/// Whether a file is a grid of the registry: its name without regard to case, or the name that PROJ gives it, with the ending of NTv2.
+/// Whether a file is a grid of the registry: its name without regard to case, or the name that PROJ gives it, with the ending of `NTv2`.
 fn is_name_of(known: &registry::Grid, file: &str) -> bool {
     let stem = |name: &str| name.rsplit_once('.').map_or(name, |(stem, _)| stem).to_lowercase();
     let of_proj = known.url.rsplit('/').next().unwrap_or_default();

@@ -163,7 +163,8 @@ impl Method {
     /// `PROJECTION` and `PARAMETER`s of WKT 1, each with a comma at its end.
     pub(super) fn wkt(&self, values: &[&str]) -> String {
         let parameters = self.parameters.iter().zip(values);
-        let parameters: String = parameters.map(|(name, value)| format!(r#"PARAMETER["{name}",{value}],"#)).collect();
-        format!(r#"PROJECTION["{}"],{parameters}"#, self.wkt)
+        let parameters: Vec<String> =
+            parameters.map(|(name, value)| format!(r#"PARAMETER["{name}",{value}],"#)).collect();
+        format!(r#"PROJECTION["{}"],{}"#, self.wkt, parameters.concat())
     }
 }

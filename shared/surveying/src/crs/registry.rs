@@ -23,7 +23,7 @@ pub(super) struct System {
     pub(super) method: &'static str,
     /// Parameters of the method as decimal numbers: degrees, m, or without unit.
     pub(super) values: Vec<&'static str>,
-    /// Axes in WKT 1: `EN`, `NE`, or empty for polar systems, of which WKT 1 has none.
+    /// Axes in WKT 1: `EN`, `NE`, or empty for polar systems, whose axes WKT 1 cannot express.
     pub(super) axes: &'static str,
     pub(super) area: Area,
 }

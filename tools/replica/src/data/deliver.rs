@@ -67,7 +67,7 @@ pub struct Args {
     /// Heights above the geoid of this grid (.gtx) instead of the ellipsoid
     #[arg(long, value_name = "GTX")]
     geoid: Option<PathBuf>,
-    /// Grid of the datum (.gsb, NTv2), for systems of --crs that need one
+    /// Grid of the datum (.gsb), for systems of --crs that need one
     #[arg(long, value_name = "GSB")]
     grid: Option<PathBuf>,
     /// Write local coordinates if heading, height or position of the run is not determined

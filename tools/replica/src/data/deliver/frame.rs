@@ -185,7 +185,7 @@ pub fn utm_or_local<'a>(run: &'a RunFolder, summary: &Summary) -> anyhow::Result
     projected_or_local(run, &unplaced(summary), None, None)
 }
 
-/// The system of a code with its files. Errors are errors of usage, except those of the files.
+/// The system of a code with its files. A wrong choice is an error of usage, an unreadable file is not.
 pub fn open_system(code: CrsCode, geoid: Option<&Path>, grid: Option<&Path>) -> anyhow::Result<MapChoice> {
     let usage = |option: &str, error: &CrsError| UsageError(format!("{option}: {error}"));
     let crs = Crs::from_epsg(code.horizontal).map_err(|error| usage("--crs", &error))?;
