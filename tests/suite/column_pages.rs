@@ -77,7 +77,7 @@ fn extra_bytes_of_records_are_on_the_page_of_deliverables() {
             FieldType::F32 | FieldType::Coordinate => "f32",
             FieldType::F64 => "f64",
         };
-        rows += &cells(&[&format!("`{}`", field.name), kind, &none(field), field.description]);
+        rows += &cells(&[&format!("`{}`", field.extra_byte_name()), kind, &none(field), field.description]);
     }
     check_table("deliverables.md", "| field | type | none | content |\n|---|---|---|---|\n", &rows);
 }

@@ -26,7 +26,9 @@ function extraFields(bytes, begin) {
   let offset = begin
   for (let at = 0; at + DESCRIPTION_BYTES <= bytes.length; at += DESCRIPTION_BYTES) {
     const view = new DataView(bytes.buffer, bytes.byteOffset + at, DESCRIPTION_BYTES)
-    const name = new TextDecoder().decode(bytes.subarray(at + 4, at + 36)).replace(/\0.*$/s, '')
+    const stored = new TextDecoder().decode(bytes.subarray(at + 4, at + 36)).replace(/\0.*$/s, '')
+    // Deliveries name the class as Python allows it.
+    const name = stored === 'class_id' ? 'class' : stored
     const type = TYPES[view.getUint8(2)]
     const options = view.getUint8(3)
     // Type 0 is bytes without meaning; types above 10 are deprecated arrays, behind which nothing can be found.
@@ -60,10 +62,10 @@ export const extraField = (layout, name) => layout.extra.find((field) => field.n
 /** Raw value of an extra field. */
 export const rawValue = (field, view, at) => READERS[field.type](view, at + field.offset)
 
-/** Value with its unit, or null for no data. */
+/** Value with its unit, or null for no data, which is NaN in fields without a declared value. */
 export function fieldValue(field, view, at) {
   const raw = rawValue(field, view, at)
-  return raw === field.noData ? null : raw * field.scale + field.shift
+  return raw === field.noData || Number.isNaN(raw) ? null : raw * field.scale + field.shift
 }
 
 /** All fields of one record as [name, value]. */

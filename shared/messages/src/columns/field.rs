@@ -5,7 +5,8 @@ use serde::Serialize;
 /// One number of every point.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ColumnField {
-    /// Name in extra bytes of LAS records, fields of CloudCompare, pictures and the viewer.
+    /// Name in fields of CloudCompare, pictures and the viewer; in extra bytes of LAS records, see
+    /// [`ColumnField::extra_byte_name`].
     pub name: &'static str,
     /// Name of the property in PLY clouds: the name in Paris-CARLA-3D, if it has one.
     pub property: &'static str,
@@ -136,6 +137,13 @@ impl ColumnField {
     #[must_use]
     pub const fn none(self, none: f64) -> Self {
         Self { none: Some(none), ..self }
+    }
+    /// Name in extra bytes of LAS records. Readers in Python make attributes of the fields, so no keyword of Python is a name.
+    pub fn extra_byte_name(&self) -> &'static str {
+        match self.name {
+            "class" => "class_id",
+            name => name,
+        }
     }
     /// Adds an extra byte of LAS records.
     #[must_use]

@@ -4,11 +4,6 @@ use super::vlr::{Vlr, padded};
 use crate::cloud::{Present, extra_fields};
 use messages::columns::{ColumnField, ExtraByte, FieldType};
 
-/// Reflectance per step of a band: i16 covers -3.2767 to 3.2767.
-pub(crate) const REFLECTANCE_STEP: f64 = 1e-4;
-/// Value of a band that was not measured.
-pub(crate) const NO_REFLECTANCE: i16 = i16::MIN;
-
 /// The content of an extra field.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum ExtraField {
@@ -66,7 +61,7 @@ impl ExtraField {
     const fn n_bytes(self) -> usize {
         match self {
             Self::Column(_, field) => field.kind.n_bytes(),
-            Self::Band(_) => 2,
+            Self::Band(_) => 4,
         }
     }
 
@@ -85,15 +80,15 @@ impl ExtraField {
                 // Ids keep their number for "no id", which is an ordinary value; only measured values have a no-data
                 // value.
                 let no_data = field.none.filter(|_| data_type > 8).map(f64::to_le_bytes);
-                Description { name: field.name, text, data_type, no_data, scale }
+                Description { name: field.extra_byte_name(), text, data_type, no_data, scale }
             }
             Self::Band(band) => Description {
                 name: &bands[band],
-                text: "reflectance; -3.2768 = no data",
-                // i16.
-                data_type: 4,
-                no_data: Some(i64::from(NO_REFLECTANCE).to_le_bytes()),
-                scale: Some(REFLECTANCE_STEP),
+                text: "reflectance; NaN = not measured",
+                // f32. Many readers ignore no-data values, but all of them know NaN.
+                data_type: 9,
+                no_data: None,
+                scale: None,
             },
         }
     }
@@ -128,17 +123,20 @@ mod tests {
         let bands = vec!["band_0623nm".to_owned()];
         let extra = ExtraBytes::new(&Present::new(COLUMNS, ["points", "class"]), &bands);
         assert_eq!(extra.fields.len(), 6);
-        assert_eq!(extra.n_bytes(), 10);
+        assert_eq!(extra.n_bytes(), 12);
         let Vlr { data, .. } = extra.vlr();
         assert_eq!(data.len(), 6 * 192);
         let score = &data[192..];
         assert_eq!((score[2], score[3]), (1, 8));
         assert!(score[4..].starts_with(b"score\0"));
+        assert!(data[4..].starts_with(b"class_id\0"), "`class` is a keyword of Python");
         let band = &data[5 * 192..];
-        assert_eq!((band[2], band[3]), (4, 9));
+        assert_eq!((band[2], band[3]), (9, 0));
         assert!(band[4..].starts_with(b"band_0623nm\0"));
-        assert_eq!(band[40..48], i64::from(i16::MIN).to_le_bytes());
-        assert_eq!(band[112..120], 1e-4_f64.to_le_bytes());
-        assert!(band[160..].starts_with(b"reflectance; -3.2768 = no data"));
+        assert_eq!(
+            (score[112..120].to_vec(), &band[112..120]),
+            ((1.0_f64 / 255.0).to_le_bytes().to_vec(), &[0; 8][..])
+        );
+        assert!(band[160..].starts_with(b"reflectance; NaN = not measured"));
     }
 }

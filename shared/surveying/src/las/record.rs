@@ -9,7 +9,6 @@
 //!                              36  extra bytes
 //! ```
 
-use super::extra_bytes::{NO_REFLECTANCE, REFLECTANCE_STEP};
 use super::{ExtraBytes, ExtraField, FORMAT_7_BYTES};
 use crate::asprs::{NEVER_CLASSIFIED, asprs_table};
 use crate::cloud::{CloudPoint, Columns, Present};
@@ -144,14 +143,18 @@ fn scan_angle(point: &CloudPoint, forward: [f64; 2]) -> i16 {
     (right.atan2(-z) * ANGLE_STEPS).round() as i16
 }
 
+/// Bits of a reflectance that are not stored. Zeros compress; 14 bits of the fraction remain, so a value changes by at most 3.1e-5 of itself.
+const ROUNDED_BITS: u32 = 9;
+
+/// Reflectance of a band, NaN if it was not measured.
 #[inline]
-fn reflectance(spectrum: Option<&[f32]>, band: usize) -> i16 {
+fn reflectance(spectrum: Option<&[f32]>, band: usize) -> f32 {
     match spectrum.and_then(|spectrum| spectrum.get(band)) {
         Some(value) if value.is_finite() => {
-            let steps = (f64::from(*value) / REFLECTANCE_STEP).round();
-            steps.clamp(f64::from(NO_REFLECTANCE + 1), f64::from(i16::MAX)) as i16
+            let half = 1 << (ROUNDED_BITS - 1);
+            f32::from_bits((value.to_bits() + half) >> ROUNDED_BITS << ROUNDED_BITS)
         }
-        _ => NO_REFLECTANCE,
+        _ => f32::NAN,
     }
 }
 
@@ -233,7 +236,7 @@ mod tests {
             spectrum,
         };
         layout.encode(&source, &mut record);
-        assert_eq!(record.len(), 36 + 5 + 4 + 4 + 2);
+        assert_eq!(record.len(), 36 + 5 + 4 + 4 + 4);
         assert_eq!(position_of(&record), stored);
         assert_eq!(record[12..18], [255, 255, 0x11, 0, 74, 0]);
         assert_eq!(f64::from_le_bytes(record[22..30].try_into().expect("8 bytes")), 410_265_618.5);
@@ -242,16 +245,20 @@ mod tests {
         assert_eq!(record[36..41], [10, 128, 31, 1, 3]);
         assert_eq!(record[41..45], 100_000_u32.to_le_bytes());
         assert_eq!(record[45..49], 70_000_u32.to_le_bytes());
-        assert_eq!(record[49..51], 2500_i16.to_le_bytes());
+        assert_eq!(record[49..53], 0.25_f32.to_le_bytes());
         assert_eq!(layout.stored([f64::NAN, 0.0, 0.0]), None);
         assert_eq!(layout.stored([3e6, 0.0, 0.0]), None);
     }
 
     #[test]
-    fn reflectance_that_was_not_measured_is_marked_and_large_ones_are_cut() {
-        assert_eq!(reflectance(None, 0), NO_REFLECTANCE);
-        assert_eq!(reflectance(Some(&[f32::NAN]), 0), NO_REFLECTANCE);
-        assert_eq!(reflectance(Some(&[9.0, -9.0]), 0), i16::MAX);
-        assert_eq!(reflectance(Some(&[9.0, -9.0]), 1), NO_REFLECTANCE + 1);
+    fn reflectance_that_was_not_measured_is_nan_and_others_are_rounded() {
+        for spectrum in [None, Some(&[f32::NAN][..]), Some(&[f32::INFINITY]), Some(&[])] {
+            assert_eq!(reflectance(spectrum, 0).to_bits(), f32::NAN.to_bits(), "{spectrum:?}");
+        }
+        for value in [0.0, 0.123_456_7, -0.02, 0.999_999_9, 3.5] {
+            let found = reflectance(Some(&[9.0, value]), 1);
+            assert!((found - value).abs() <= 3.1e-5 * value.abs(), "{value}: {found}");
+            assert_eq!(found.to_bits() % 512, 0, "{value}");
+        }
     }
 }

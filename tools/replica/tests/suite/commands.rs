@@ -128,3 +128,24 @@ fn imported_bag_is_a_drive_of_its_sweeps() {
     assert_eq!(output.status.code(), Some(2));
     assert!(printed(&output).contains("must be FRAME=X,Y,Z,QX,QY,QZ,QW with seven numbers"));
 }
+
+#[test]
+fn new_rig_makes_the_drive_folder_and_replaces_nothing() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let drive = folder.path().join("drives/mine");
+    let new = |out: &std::path::Path| replica(&["rig", "new", text(out), "--lidar", "vlp16", "--position", "0,0,1.8"]);
+    succeeded(&new(&drive));
+    let manifest = std::fs::read_to_string(drive.join("drive.toml")).expect("was written");
+    assert!(manifest.contains("name = \"mine\""), "{manifest}");
+    for out in [drive.clone(), drive.join("drive.toml")] {
+        let again = new(&out);
+        assert_eq!(again.status.code(), Some(1), "{}", printed(&again));
+        assert!(printed(&again).contains("drive.toml exists already"), "{}", printed(&again));
+    }
+    let notes = folder.path().join("notes.txt");
+    std::fs::write(&notes, "notes").expect("writes");
+    assert!(printed(&new(&notes)).contains("notes.txt exists already; expected a folder"), "{}", printed(&new(&notes)));
+    let other = folder.path().join("rigs/other.toml");
+    succeeded(&new(&other));
+    assert!(other.is_file());
+}

@@ -29,7 +29,7 @@ use std::process::ExitCode;
     rotation::FORMS
 ))]
 pub struct Args {
-    /// drive.toml to write, or the drive folder for it; an existing file is not replaced
+    /// Drive folder for the drive.toml, made if absent, or the name of the file; an existing file is not replaced
     out: PathBuf,
     /// Calibration of another program; several are joined, a tf tree first
     #[arg(long, value_name = "FILE")]
@@ -124,7 +124,13 @@ fn pose(position: Option<[f64; 3]>, rotation: Option<UnitQuaternion<f64>>) -> Op
 }
 
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let out = if args.out.is_dir() { args.out.join(MANIFEST_FILE) } else { args.out.clone() };
+    let is_file = args.out.extension().is_some_and(|extension| extension == "toml") && !args.out.is_dir();
+    let out = if is_file { args.out.clone() } else { args.out.join(MANIFEST_FILE) };
+    ensure!(
+        !args.out.is_file(),
+        "{} exists already; expected a folder, or a new file that ends in .toml",
+        args.out.display()
+    );
     ensure!(!out.exists(), "{} exists already", out.display());
     let parts = parts(args)?;
     let of_lidar = pose(args.lidar_position, args.lidar_rotation)
@@ -168,6 +174,9 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         text.push_str("# without [gnss]: its origin was not given (--gnss-origin)\n");
     }
     text.push_str(&toml::to_string(&manifest)?);
+    if let Some(folder) = out.parent() {
+        std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+    }
     std::fs::write(&out, text).with_context(|| out.display().to_string())?;
     let written = Written { file: &out, lidar: model.name(), n_cameras: manifest.cameras.len(), notes: &parts.notes };
     args.answer.print(&written, || written.text())?;
@@ -193,9 +202,9 @@ fn parts(args: &Args) -> anyhow::Result<RigParts> {
     Ok(parts)
 }
 
-/// Default name of the drive: the name of its folder.
+/// Default name of the drive: the name of its folder, which may not exist yet.
 fn default_name(out: &Path) -> String {
-    let folder = out.canonicalize().ok().or_else(|| out.parent()?.canonicalize().ok());
+    let folder = out.parent().and_then(|folder| folder.canonicalize().or_else(|_| std::path::absolute(folder)).ok());
     let name = folder.as_deref().and_then(Path::file_name).map(|name| name.to_string_lossy().into_owned());
     name.unwrap_or_else(|| "drive".to_owned())
 }
