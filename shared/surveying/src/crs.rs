@@ -65,7 +65,7 @@ pub enum CrsError {
         epsg: u32,
         /// Name of the system.
         name: &'static str,
-        /// Names of the grids, their accuracies, areas and sources.
+        /// Names of the grids, their areas and accuracies.
         grids: String,
     },
     /// The datum needs no grid.
@@ -87,7 +87,7 @@ pub enum CrsError {
         name: &'static str,
         /// Name of the grid.
         grid: String,
-        /// Names of the grids, their accuracies, areas and sources.
+        /// Names of the grids, their areas and accuracies.
         grids: String,
     },
     /// The projection failed.

@@ -71,20 +71,15 @@ impl Crs {
 
     fn grids_in_words(&self) -> String {
         let grids = registry::grids(self.system.datum);
-        let words = grids.iter().map(|grid| {
-            let source =
-                if grid.url.is_empty() { "from the survey of the country".to_owned() } else { grid.url.to_owned() };
-            format!("{} ({} Accurate to {} m; {source})", grid.name, grid.area, grid.accuracy_m)
-        });
+        let words = grids.iter().map(|grid| format!("{} ({} Accurate to {} m)", grid.name, grid.area, grid.accuracy_m));
         words.collect::<Vec<_>>().join(", ")
     }
 }
 
-/// Whether a file is a grid of the registry: its name without regard to case, or the name that PROJ gives it, with the ending of `NTv2`.
+/// Whether a file is a grid of the registry: by its name without regard to case. The GeoTIFF files of PROJ have other names, and
+/// longitudes to the east; a program that converts them as they are gives shifts of the wrong sign.
 fn is_name_of(known: &registry::Grid, file: &str) -> bool {
-    let stem = |name: &str| name.rsplit_once('.').map_or(name, |(stem, _)| stem).to_lowercase();
-    let of_proj = known.url.rsplit('/').next().unwrap_or_default();
-    stem(file) == stem(known.name) || !of_proj.is_empty() && stem(file) == stem(of_proj)
+    known.name.eq_ignore_ascii_case(file)
 }
 
 impl MapProjection {

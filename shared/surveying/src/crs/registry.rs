@@ -58,8 +58,6 @@ pub(super) struct Grid {
     pub(super) accuracy_m: &'static str,
     /// Name of the file.
     pub(super) name: &'static str,
-    /// Where PROJ has it as GeoTIFF. Empty if it does not.
-    pub(super) url: &'static str,
     /// Area in words.
     pub(super) area: &'static str,
 }
@@ -131,11 +129,10 @@ pub(super) fn grids(datum: u32) -> Vec<Grid> {
     let datum = datum.to_string();
     let rows = GRIDS.lines().filter_map(columns);
     rows.filter(|[number, ..]: &[&str; 6]| *number == datum)
-        .map(|[_, direction, accuracy_m, name, url, area]| Grid {
+        .map(|[_, direction, accuracy_m, name, _, area]| Grid {
             is_to_satellite: direction == "to_satellite",
             accuracy_m,
             name,
-            url,
             area,
         })
         .collect()

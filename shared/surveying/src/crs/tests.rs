@@ -129,7 +129,7 @@ fn datum_grid_is_required_and_must_belong_to_the_system() {
     let error = british.projection(None).expect_err("needs a grid").to_string();
     for part in [
         "EPSG:27700 (OSGB36 / British National Grid) needs a grid of its datum in the format NTv2: OSTN15_NTv2_OSGBtoETRS.gsb",
-        "Accurate to 0.03 m; https://cdn.proj.org/uk_os_OSTN15_NTv2_OSGBtoETRS.tif",
+        "Accurate to 0.03 m)",
     ] {
         assert!(error.contains(part), "{error}");
     }
@@ -149,11 +149,7 @@ fn datum_grid_is_required_and_must_belong_to_the_system() {
 /// The grids of Great Britain lead from the datum to ETRS89, the grids of Danish old systems from ETRS89 to the datum.
 #[test]
 fn shifts_of_a_grid_are_applied_in_its_direction() {
-    for (epsg, grid, sign) in [
-        (27_700, "ostn15_ntv2_osgbtoetrs.gsb", -1.0),
-        (27_700, "uk_os_OSTN15_NTv2_OSGBtoETRS.gsb", -1.0),
-        (10_160, "s34j_2022.gsb", 1.0),
-    ] {
+    for (epsg, grid, sign) in [(27_700, "ostn15_ntv2_osgbtoetrs.gsb", -1.0), (10_160, "s34j_2022.gsb", 1.0)] {
         let crs = Crs::from_epsg(epsg).expect("is supported");
         let projection = crs.projection(Some(&datum_grid(grid))).expect("a projection");
         let place = Geodetic::new(55.0, 8.0, 40.0).expect("a position");

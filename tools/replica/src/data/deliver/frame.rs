@@ -207,8 +207,8 @@ pub fn open_system(code: CrsCode, geoid: Option<&Path>, grid: Option<&Path>) -> 
 }
 
 /// How to give a grid of a datum.
-const GRID_HINT: &str = "\nhint: --grid FILE.gsb; the survey of the country has the file, GDAL converts the GeoTIFF of PROJ: `gdal_translate \
-                         -of NTv2 FILE.tif FILE.gsb`";
+const GRID_HINT: &str = "\nhint: --grid FILE.gsb, under this name; the survey of the country publishes it, and Debian's package proj-data has \
+                         BETA2007.gsb, CHENYX06_etrs.gsb and nzgd2kgrid0005.gsb; GeoTIFF files of PROJ are not read";
 
 /// Heights of a system need its geoid grid.
 fn check_geoid(height: &HeightSystem, geoid: Option<&Named<GeoidGrid>>) -> Result<(), UsageError> {
