@@ -3,8 +3,8 @@
 use crate::Settings;
 use drive::Drive;
 use geometry::{LocalFrame, Stamp};
-use georeference::{GivenDeviation, PathSource};
-use given_path::{ASSUMED_DEG, ASSUMED_M, Deviation, Evidence, GivenPath, check};
+use georeference::PathSource;
+use given_path::{ASSUMED_DEG, ASSUMED_M, Evidence, GivenPath, check};
 use stage::{Context, Mode, Problem, StepError};
 
 /// The path of a drive, and what was found when it was compared with the drive.
@@ -80,12 +80,6 @@ fn checked(path: GivenPath, drive: &Drive) -> Result<PathOfDrive, Vec<String>> {
     }
     let notes = findings.notes.into_iter().map(|text| format!("given path: {text}")).collect();
     Ok(PathOfDrive { path: Some(path), notes })
-}
-
-/// Standard deviations of the path at a time.
-pub(crate) fn deviation(path: &GivenPath, stamp: Stamp) -> GivenDeviation {
-    let Deviation { east_north_up_m, roll_pitch_heading_rad } = path.deviation_at(stamp);
-    GivenDeviation { east_north_up_m, roll_pitch_heading_rad }
 }
 
 /// Refuses a sweep that the path does not cover.

@@ -107,7 +107,7 @@ impl SlamAggregate {
         self.georeferencer.update(&self.georeference);
         let path = self.path.path.as_ref().filter(|_| self.settings.path == PathSource::Refined);
         if let Some(path) = path {
-            self.georeferencer.add_path(path.trajectory(), |stamp| path_use::deviation(path, stamp));
+            self.georeferencer.add_path(path.trajectory(), |stamp| path.deviation_at(stamp));
         }
     }
 
@@ -150,7 +150,7 @@ impl SlamAggregate {
                 let odom_from_submap = open.submap.frame.odom_from_submap;
                 match &self.path.path {
                     Some(path) if registered.is_given() => {
-                        let deviation = path_use::deviation(path, registered.stamp);
+                        let deviation = path.deviation_at(registered.stamp);
                         self.given.begin_submap(odom_from_submap, registered.stamp, deviation);
                     }
                     _ => self.georeferencer.begin_submap(odom_from_submap, registered.stamp.0),

@@ -7,11 +7,10 @@ use crate::path_prior::{PathPrior, PathSteps, RefinedPath};
 use crate::placing::{MIN_SPREAD_M, place_by_fixes};
 use crate::receiver_clock::estimated_delay;
 use crate::recent_path::RecentPath;
-use crate::{
-    Gauge, GivenDeviation, Keyframe, LoopFinder, Places, PoseGraph, ReceiverDelay, RelativePose, Solution, Start,
-};
+use crate::{Gauge, Keyframe, LoopFinder, Places, PoseGraph, ReceiverDelay, RelativePose, Solution, Start};
 use doubts::Doubt;
 use geometry::{Geodetic, Point3, Pose, Stamp, Trajectory};
+use given_path::Deviation;
 use messages::{FRAME_EAST_NORTH_UP, FRAME_LOCAL, GnssRow, ImuRow, PlacementHeader, PlacementRow, PoseDeviation};
 use nalgebra::Matrix6;
 use registration::{GroundVelocity, LocalMap, Registered};
@@ -217,7 +216,7 @@ impl Georeferencer {
     }
 
     /// Uses a given path up to the last sweep as a measurement. `deviation`: its standard deviations at a time.
-    pub fn add_path(&mut self, path: &Trajectory, deviation: impl Fn(Stamp) -> GivenDeviation) {
+    pub fn add_path(&mut self, path: &Trajectory, deviation: impl Fn(Stamp) -> Deviation) {
         let Self { nodes, path: odometry, prior, .. } = self;
         prior.update(odometry, path, deviation, |stamp| submap_at(nodes, stamp));
     }

@@ -3,17 +3,9 @@
 use crate::Placed;
 use crate::georeferencer::FixUse;
 use geometry::{Geodetic, Pose, Stamp, Vector3};
+use given_path::Deviation;
 use messages::{FRAME_EAST_NORTH_UP, FRAME_LOCAL, PlacementHeader, PlacementRow, PoseDeviation};
 use serde::{Deserialize, Serialize};
-
-/// Standard deviations of a given pose.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct GivenDeviation {
-    /// Towards east, north and up, m.
-    pub east_north_up_m: [f64; 3],
-    /// Roll, pitch and heading, rad.
-    pub roll_pitch_heading_rad: [f64; 3],
-}
 
 /// The submaps of a run whose poses are given.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
@@ -25,12 +17,12 @@ pub struct GivenPlacing {
 struct GivenSubmap {
     world_from_submap: Pose,
     stamp: Stamp,
-    deviation: GivenDeviation,
+    deviation: Deviation,
 }
 
 impl GivenPlacing {
     /// Starts a submap.
-    pub fn begin_submap(&mut self, world_from_submap: Pose, stamp: Stamp, deviation: GivenDeviation) {
+    pub fn begin_submap(&mut self, world_from_submap: Pose, stamp: Stamp, deviation: Deviation) {
         self.submaps.push(GivenSubmap { world_from_submap, stamp, deviation });
     }
 

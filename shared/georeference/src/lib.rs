@@ -53,7 +53,7 @@ mod words;
 pub use alignment::{Alignment, PointPair, align_odometry};
 pub use fix_doubts::fix_doubts;
 pub use georeferencer::{FixUse, GeoreferenceSettings, Georeferencer, Placed};
-pub use given_placing::{GivenDeviation, GivenPlacing};
+pub use given_placing::GivenPlacing;
 pub use graph::{AntennaPosition, Gauge, HorizontalVelocity, PoseGraph, RelativePose, Solution, Start, UpDirection};
 pub use inertial_unit::InertialUnit;
 pub use loops::{

@@ -6,12 +6,12 @@
 //!    The parts between steps are moved to the offset that most of the drive has.
 //! 3. Positions, verticals and headings of the windows are measurements in the pose graph.
 
-use crate::GivenDeviation;
 use crate::georeferencer::NumberedSubmap;
 use crate::median::median;
 use crate::recent_path::RecentPath;
 use crate::{AntennaPosition, Gauge, HorizontalVelocity, PoseGraph, Solution, Start, UpDirection};
 use geometry::{Point3, Pose, Stamp, Trajectory, UnitQuaternion, Vector3};
+use given_path::Deviation;
 use nalgebra::Quaternion;
 use serde::{Deserialize, Serialize};
 
@@ -69,7 +69,7 @@ struct Window {
     stamp: i64,
     submap: usize,
     mean: Mean,
-    deviation: GivenDeviation,
+    deviation: Deviation,
 }
 
 /// The steps of a path, for the operator.
@@ -90,7 +90,7 @@ pub(crate) struct RefinedPath {
     pub solution: Solution,
     pub steps: PathSteps,
     /// Standard deviations of the path at each submap.
-    pub deviations: Vec<GivenDeviation>,
+    pub deviations: Vec<Deviation>,
 }
 
 impl PathPrior {
@@ -103,7 +103,7 @@ impl PathPrior {
         &mut self,
         odometry: &RecentPath,
         path: &Trajectory,
-        deviation: impl Fn(Stamp) -> GivenDeviation,
+        deviation: impl Fn(Stamp) -> Deviation,
         submap_at: impl Fn(i64) -> Option<NumberedSubmap>,
     ) {
         let (Some(first), Some(last)) = (odometry.first(), odometry.last()) else { return };
@@ -164,7 +164,7 @@ impl PathPrior {
             let stamped = self.windows.partition_point(|window| window.submap < number).min(self.windows.len() - 1);
             self.windows[stamped].deviation
         };
-        let deviations: Vec<GivenDeviation> = (0..odom_from_submap.len()).map(of_submap).collect();
+        let deviations: Vec<Deviation> = (0..odom_from_submap.len()).map(of_submap).collect();
         solution.position_weights.clear();
         Some(RefinedPath { solution, steps: parts.steps(&self.windows), deviations })
     }

@@ -4,6 +4,7 @@ mod coverage;
 mod fixes;
 mod gravity;
 mod heading;
+mod median;
 mod motion;
 mod turning;
 
@@ -12,8 +13,12 @@ use crate::{GivenPath, clock};
 use drive::Drive;
 use drive::imu::ImuSample;
 use files::problems::FileProblem;
+use formats::gps_time::WEEK_NANOS;
 use geometry::{Point3, Stamp};
 use lidar::nmea::Fix;
+
+/// Seconds of a week.
+const WEEK_S: f64 = WEEK_NANOS as f64 * 1e-9;
 
 /// What the drive measured.
 #[derive(Clone, Debug, Default)]
@@ -106,10 +111,10 @@ fn cause_of(seconds: f64, at: Stamp) -> Option<String> {
             (n != 0.0 && n.abs() <= most && near(n * unit_s + leaps)).then_some(n.abs())
         })
     };
-    if let Some(n) = whole(604_800.0, 2000.0) {
+    if let Some(n) = whole(WEEK_S, 2000.0) {
         return Some(format!("this is {n} weeks: set trajectory.gps_week"));
     }
-    if let Some(n) = whole(86_400.0, 6.0) {
+    if let Some(n) = whole(WEEK_S / 7.0, 6.0) {
         return Some(format!("this is {n} days: set trajectory.gps_week, or clock to seconds of the day"));
     }
     if let Some(n) = whole(3600.0, 14.0) {

@@ -8,11 +8,12 @@ use drive::manifest::TrajectoryEntry;
 use files::calendar::text_of_nanos;
 use files::problems::FileProblem;
 use geometry::{Geodetic, LocalFrame, Pose, Stamp, Trajectory};
+use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Standard deviations of a pose.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Deviation {
     /// Towards east, north and up, m.
     pub east_north_up_m: [f64; 3],

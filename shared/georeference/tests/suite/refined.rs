@@ -2,7 +2,8 @@
 
 use crate::drive::{SECONDS, SWEEP_NANOS, errors, origin, registered, settings, truth};
 use geometry::{Isometry3, Pose, Stamp, Trajectory, UnitQuaternion, Vector3};
-use georeference::{GeoreferenceSettings, Georeferencer, GivenDeviation, Placed};
+use georeference::{GeoreferenceSettings, Georeferencer, Placed};
+use given_path::Deviation;
 use random::Random;
 
 const SIGMA_M: f64 = 0.05;
@@ -55,7 +56,7 @@ fn odometry(seed: u64) -> Vec<Pose> {
 
 fn refined(path: &Trajectory, odometry: &[Pose]) -> Placed {
     let settings = GeoreferenceSettings { gnss: false, origin: Some(origin()), ..settings() };
-    let deviation = |_: Stamp| GivenDeviation { east_north_up_m: [SIGMA_M; 3], roll_pitch_heading_rad: [SIGMA_RAD; 3] };
+    let deviation = |_: Stamp| Deviation { east_north_up_m: [SIGMA_M; 3], roll_pitch_heading_rad: [SIGMA_RAD; 3] };
     let mut georeferencer = Georeferencer::new(&settings);
     for k in 0..SECONDS * 10 {
         let [begin, end] = [odometry[k as usize], odometry[k as usize + 1]];

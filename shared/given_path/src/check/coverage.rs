@@ -3,7 +3,11 @@
 use super::{Evidence, cause_of};
 use crate::{GivenPath, clock};
 use files::calendar::text_of_nanos;
+use formats::gps_time::WEEK_NANOS;
 use geometry::Stamp;
+
+/// Seconds of a week.
+const WEEK_S: i64 = WEEK_NANOS / 1_000_000_000;
 
 pub(super) fn covers(path: &GivenPath, evidence: &Evidence) -> Result<(), String> {
     let Some(first) = evidence.first else { return Ok(()) };
@@ -36,13 +40,13 @@ fn span(begin: Stamp, end: Stamp) -> String {
 fn shift_that_covers(path: &GivenPath, first: Stamp, last: Stamp) -> Option<f64> {
     let [begin, end] = path.span();
     let leaps = clock::leap_seconds(first);
-    let near_weeks = ((first.0 - begin.0) as f64 / 604_800e9).round() as i64;
+    let near_weeks = ((first.0 - begin.0) as f64 / WEEK_NANOS as f64).round() as i64;
     // One cause is more likely than two.
     let single = (-14..=14)
         .map(|hours| hours * 3600)
         .chain([leaps, -leaps])
-        .chain((-6..=6).map(|days| days * 86_400))
-        .chain((near_weeks - 1..=near_weeks + 1).map(|weeks| weeks * 604_800));
+        .chain((-6..=6).map(|days| days * WEEK_S / 7))
+        .chain((near_weeks - 1..=near_weeks + 1).map(|weeks| weeks * WEEK_S));
     let double = (-14..=14).flat_map(|hours| [leaps, -leaps].map(|leaps| hours * 3600 + leaps));
     let covers = |shift: &i64| {
         let nanos = shift * 1_000_000_000;

@@ -1,5 +1,6 @@
 //! Places of the path against the fixes of the receiver: frame, height, clock.
 
+use super::median::median;
 use super::{Evidence, cause_of};
 use crate::GivenPath;
 use crate::clock::leap_seconds;
@@ -119,10 +120,6 @@ fn difference(path: &GivenPath, evidence: &Evidence, fixes: &[Measured], late_s:
     if errors.len() < MIN_FIXES || errors.len() * 2 < fixes.len() {
         return None;
     }
-    let median = |mut values: Vec<f64>| {
-        values.sort_by(f64::total_cmp);
-        values[values.len() / 2]
-    };
     Some(Difference {
         horizontal_m: median(errors.iter().map(|error| error.xy().norm()).collect()),
         height_m: median(errors.iter().map(|error| error.z).collect()),

@@ -1,5 +1,6 @@
 //! The heading of the path against its own direction of travel.
 
+use super::median::median;
 use crate::GivenPath;
 use geometry::{Stamp, Vector3};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
@@ -107,7 +108,5 @@ fn samples(path: &GivenPath) -> Vec<Sample> {
 
 fn median_difference(samples: &[Sample], reading: impl Fn(f64) -> f64) -> f64 {
     let wrapped = |angle: f64| ((angle + PI).rem_euclid(TAU) - PI).abs();
-    let mut differences: Vec<f64> = samples.iter().map(|sample| wrapped(sample.course - reading(sample.yaw))).collect();
-    differences.sort_by(f64::total_cmp);
-    differences[differences.len() / 2]
+    median(samples.iter().map(|sample| wrapped(sample.course - reading(sample.yaw))).collect())
 }
