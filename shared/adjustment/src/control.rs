@@ -7,8 +7,6 @@ use georeference::SurfacePoint;
 use std::path::Path;
 use surveying::check_points::{CheckPoint, PointUse};
 
-/// Standard deviation of coordinates that state none, m: a receiver with corrections.
-const DEFAULT_SIGMA_M: [f64; 2] = [0.02, 0.03];
 /// Errors of a picked position, and of the surface around a height point, m.
 const PICK_M: f64 = 0.02;
 const SURFACE_M: f64 = 0.01;
@@ -79,7 +77,7 @@ pub fn seen(submaps: &Submaps, poses: &[Pose], points: &[ControlPoint]) -> Vec<S
     let mut seen = Vec::new();
     for (index, ControlPoint { point, p_in_survey }) in points.iter().enumerate() {
         let first = seen.len();
-        let [horizontal, up] = [0, 1].map(|axis| point.sigma_m[axis].unwrap_or(DEFAULT_SIGMA_M[axis]));
+        let [horizontal, up] = point.deviation_m();
         let found = |submap: usize, p_in_submap: Point3<f64>, sigma_m: [Option<f64>; 2]| SeenControl {
             point: index,
             submap,

@@ -8,6 +8,7 @@
 //! | relative poses of near submaps, within a centimetre | `matches` |
 //! | control and check points | `control` |
 //! | one pose graph over the submaps of all drives | `network` |
+//! | residuals of points, height differences between drives | `residuals`, `ground` |
 //! | the steps | `survey` |
 //!
 //! Start reading with `survey.rs`. Submaps move as rigid bodies; the clouds of the runs are read and never changed. Drives that do
@@ -19,9 +20,11 @@
 mod control;
 mod drives;
 mod error;
+mod ground;
 mod matches;
 mod meetings;
 mod network;
+mod residuals;
 mod surfaces;
 mod survey;
 
@@ -29,4 +32,5 @@ pub use control::{ControlPoint, SeenControl, control_points};
 pub use drives::{Submap, Submaps, SurveyDrive};
 pub use error::SurveyError;
 pub use matches::{Match, disagreement};
+pub use residuals::{MeanResidual, accuracy, mean_residuals};
 pub use survey::{Survey, Weighed, adjust_survey};

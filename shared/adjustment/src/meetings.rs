@@ -6,11 +6,11 @@
 //! the ground.
 
 use crate::drives::{Submap, Submaps};
+use crate::ground::Ground;
 use geometry::{Isometry3, Point3, Pose, Vector3};
 use georeference::{FitFloor, RelativePose, SurfacePoint, refine, surface_map};
 use nalgebra::{Isometry2, Point2, Vector2};
 use rayon::prelude::*;
-use std::collections::BTreeMap;
 
 /// Number of submaps of a stretch: 200 m.
 const STRETCH: usize = 10;
@@ -32,10 +32,6 @@ const CANDIDATES: usize = 8;
 const MAX_COLUMNS: usize = 3000;
 /// Least share of the columns of a stretch that fall on columns.
 const MIN_SHARE: f64 = 0.2;
-/// Ground surfaces of two submaps within this horizontal distance give their height difference, m.
-const GROUND_M: f64 = 0.7;
-/// Fewer height differences are not used.
-const MIN_HEIGHTS: usize = 20;
 /// Least share of surfaces that coincide with surfaces.
 const MIN_MATCHED: f64 = 0.2;
 
@@ -234,7 +230,7 @@ fn meeting(submaps: &Submaps, targets: &[usize], source: usize, survey_from_stre
     let surfaces = |k: usize| -> Vec<SurfacePoint> { submaps.all[k].keyframe.surfaces().collect() };
     let [target_surfaces, source_surfaces] = [surfaces(target), surfaces(source)];
     let target_pose = submaps.all[target].survey_from_submap;
-    let up_m = height_difference(&target_surfaces, &target_pose, &source_surfaces, &moved)?;
+    let up_m = Ground::new(&target_surfaces, &target_pose).median_above(&Ground::new(&source_surfaces, &moved))?;
     let guess = target_pose.inv_mul(&(Isometry3::translation(0.0, 0.0, up_m) * moved));
     let fit = refine(&surface_map(&target_surfaces), &source_surfaces, &guess, FitFloor::LOOP)?;
     (fit.matched >= MIN_MATCHED).then_some(RelativePose {
@@ -243,31 +239,4 @@ fn meeting(submaps: &Submaps, targets: &[usize], source: usize, survey_from_stre
         target_from_source: fit.target_from_source,
         information: fit.information,
     })
-}
-
-/// Median height of the ground of the target above the ground of the source, m.
-fn height_difference(
-    target: &[SurfacePoint],
-    target_pose: &Pose,
-    source: &[SurfacePoint],
-    source_pose: &Pose,
-) -> Option<f64> {
-    let ground = |surfaces: &[SurfacePoint], pose: &Pose| {
-        let mut lowest: BTreeMap<(i64, i64), f64> = BTreeMap::new();
-        for surface in surfaces.iter().filter(|surface| (pose.rotation * surface.normal).z > 0.9) {
-            let p = pose * surface.position;
-            let cell = ((p.x / GROUND_M).floor() as i64, (p.y / GROUND_M).floor() as i64);
-            let height = lowest.entry(cell).or_insert(p.z);
-            *height = height.min(p.z);
-        }
-        lowest
-    };
-    let [target, source] = [ground(target, target_pose), ground(source, source_pose)];
-    let mut differences: Vec<f64> =
-        source.iter().filter_map(|(cell, height)| Some(target.get(cell)? - height)).collect();
-    if differences.len() < MIN_HEIGHTS {
-        return None;
-    }
-    differences.sort_by(f64::total_cmp);
-    Some(differences[differences.len() / 2])
 }

@@ -2,17 +2,19 @@
 
 mod file;
 mod map;
+mod picked;
 mod plane;
 mod report;
 
 pub use file::{CheckPoint, PointUse, check_points_from_csv, load_check_points};
-pub use report::{Accuracy, AxisAccuracy, percentile};
 
+use crate::accuracy::{PointAccuracy, PointResidual, accuracy_table};
 use crate::cloud::{self, Cloud};
 use crate::error::DeliverError;
 use crate::run_folder::RunFolder;
 use crate::target_frame::TargetFrame;
 use files::atomic_file::write_atomic;
+use picked::Picked;
 use plane::PlaneSums;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -45,9 +47,9 @@ pub struct Residual {
 /// The comparison of a cloud with check points.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Comparison {
-    /// Accuracy over all check points.
-    pub accuracy: Accuracy,
-    /// Residuals of each check point.
+    /// Accuracy over the control points and over the check points.
+    pub accuracy: PointAccuracy,
+    /// Residuals of each point.
     pub residuals: Vec<Residual>,
 }
 
@@ -112,15 +114,18 @@ pub fn write_check_points(
     points: Vec<CheckPoint>,
     out: &Path,
 ) -> Result<Comparison, DeliverError> {
-    let sums = surfaces(runs, frame, &points)?;
-    let residuals: Vec<Residual> = points.into_iter().zip(sums).map(|(point, sums)| residual(point, &sums)).collect();
-    let accuracy = Accuracy::from_residuals(&residuals);
+    let mut picked = Picked::new(runs, &points)?;
+    let sums = surfaces(runs, frame, &points, &mut picked)?;
+    let picked = picked.positions(frame, &points)?;
+    let points = points.into_iter().zip(sums).zip(picked);
+    let residuals: Vec<Residual> = points.map(|((point, sums), picked)| residual(point, &sums, picked)).collect();
+    let accuracy = PointAccuracy::from_residuals(&residuals.iter().map(PointResidual::from).collect::<Vec<_>>());
     let poses = runs.iter().flat_map(|run| run.trajectory.poses());
     let path = poses.map(|(_, pose)| frame.from_local(&pose.translation.vector.into()).map(|[x, y, _]| [x, y]));
     let path: Vec<[f64; 2]> = path.collect::<Result<_, _>>()?;
     for (name, text) in [
         ("check_points.csv", report::table(&residuals)),
-        ("check_points_summary.csv", accuracy.table()),
+        ("check_points_summary.csv", accuracy_table(&accuracy)),
         ("check_points.svg", map::map(&residuals, path)),
     ] {
         let path = out.join(name);
@@ -129,17 +134,29 @@ pub fn write_check_points(
     Ok(Comparison { accuracy, residuals })
 }
 
-fn residual(point: CheckPoint, sums: &PlaneSums) -> Residual {
+fn residual(point: CheckPoint, sums: &PlaneSums, picked: Option<[f64; 3]>) -> Residual {
     let surface = sums.plane().filter(|_| sums.n_points() >= MIN_POINTS);
-    let (horizontal_m, up_m) = match point.in_cloud {
+    let (horizontal_m, up_m) = match picked {
         Some(found) => {
             let [x, y, z] = std::array::from_fn(|axis| found[axis] - point.xyz[axis]);
             (Some([x, y]), Some(z))
         }
-        None => (None, surface.map(|(height, _)| height)),
+        None => (None, surface.filter(|_| point.in_cloud.is_none()).map(|(height, _)| height)),
     };
     let roughness_m = surface.map(|(_, deviation)| deviation);
     Residual { point, horizontal_m, up_m, n_points: sums.n_points(), roughness_m }
+}
+
+impl From<&Residual> for PointResidual {
+    fn from(Residual { point, horizontal_m, up_m, .. }: &Residual) -> Self {
+        Self {
+            name: point.name.clone(),
+            point_use: point.point_use,
+            east_north_m: *horizontal_m,
+            up_m: *up_m,
+            sigma_m: point.deviation_m(),
+        }
+    }
 }
 
 /// The points of the cloud around each check point, relative to it. Points on moving objects are left out.
@@ -147,6 +164,7 @@ fn surfaces(
     runs: &[RunFolder],
     frame: &TargetFrame<'_>,
     points: &[CheckPoint],
+    picked: &mut Picked,
 ) -> Result<Vec<PlaneSums>, DeliverError> {
     let cell = |value: f64| (value / RADIUS_M).floor() as i64;
     // Each check point is entered in its own cell and the cells around it.
@@ -177,6 +195,7 @@ fn surfaces(
     let mut sums = vec![PlaneSums::default(); points.len()];
     let clouds = cloud::open_all(runs)?.clouds;
     for cloud in &clouds {
+        picked.look_in(cloud)?;
         cloud.each_block(|_, rows| {
             let parts = rows.par_chunks(PART_POINTS * cloud.columns.row_size());
             let parts: Result<Vec<_>, DeliverError> = parts.map(|rows| find(cloud, rows)).collect();

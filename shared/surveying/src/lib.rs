@@ -14,7 +14,8 @@
 //! | points of a run that is not finished | [`GrowingCloud`] |
 //! | path and objects | `trajectory`, [`objects`] |
 //! | terrain and top views | `rasters` |
-//! | accuracy at points that were measured independently | [`check_points`] |
+//! | residuals at points that were measured independently | [`check_points`] |
+//! | accuracy at such points and between drives | [`accuracy`] |
 //! | clouds for CloudCompare, sweeps for training | `cloudcompare`, `semantic_kitti` |
 //!
 //! This crate must never change the run that it reads, estimate or filter anything, or shift between datums of
@@ -27,6 +28,7 @@
 //! The same run and options give the same bytes, for any number of threads. Memory does not grow with the length of the
 //! drive: records are buffered in a temporary file in the folder of the delivery.
 
+pub mod accuracy;
 mod asprs;
 pub mod check_points;
 mod cloud;
@@ -57,7 +59,8 @@ pub use error::DeliverError;
 pub use growing_cloud::{GrowingCloud, Part};
 pub use rasters::{RasterOptions, write_rasters};
 pub use run_folder::{
-    AdjustedCloud, AdjustedDrive, Georeference, RunFolder, SURVEY, SurveyFile, load_trajectory, open_survey,
+    AdjustedCloud, AdjustedDrive, Georeference, RunFolder, SURVEY, SurveyAccuracy, SurveyFile, load_trajectory,
+    open_survey,
 };
 pub use semantic_kitti::write_semantic_kitti;
 pub use target_frame::{MapChoice, TargetFrame};

@@ -4,7 +4,7 @@ mod georeference;
 mod survey;
 
 pub use georeference::Georeference;
-pub use survey::{AdjustedCloud, AdjustedDrive, SURVEY, SurveyFile, open_survey};
+pub use survey::{AdjustedCloud, AdjustedDrive, SURVEY, SurveyAccuracy, SurveyFile, open_survey};
 
 use crate::cloud::{Cloud, CloudPoint};
 use crate::error::DeliverError;
@@ -32,6 +32,8 @@ pub struct RunFolder {
     pub(crate) columns: &'static [Column],
     /// Index of the drive in a survey.
     pub(crate) survey_drive: Option<u64>,
+    /// Name of the drive in a survey.
+    pub(crate) survey_name: Option<String>,
     /// Motion of the points of each cloud by the adjustment of a survey.
     corrections: BTreeMap<u64, Pose>,
 }
@@ -64,6 +66,7 @@ impl RunFolder {
             trajectory,
             columns,
             survey_drive: None,
+            survey_name: None,
             corrections: BTreeMap::new(),
         })
     }

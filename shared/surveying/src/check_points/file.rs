@@ -2,10 +2,15 @@
 
 use crate::error::DeliverError;
 use files::regular_file;
+use serde::{Deserialize, Serialize};
 use std::path::Path;
 
+/// Standard deviation of coordinates that state none, horizontally along each axis and up, m: a receiver with corrections.
+const DEFAULT_SIGMA_M: [f64; 2] = [0.02, 0.03];
+
 /// Use of a point with known coordinates.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum PointUse {
     /// It moves the result of a survey.
     Control,
@@ -21,7 +26,7 @@ pub struct CheckPoint {
     pub name: String,
     /// Coordinates in the system of the delivery, m.
     pub xyz: [f64; 3],
-    /// Manually picked position in the cloud, m.
+    /// Manually picked position in the cloud, m: in the coordinates of the delivery, or with a drive, of the clouds of its run.
     pub in_cloud: Option<[f64; 3]>,
     /// Use in a survey.
     pub point_use: PointUse,
@@ -29,6 +34,23 @@ pub struct CheckPoint {
     pub sigma_m: [Option<f64>; 2],
     /// Name of the drive of a survey in whose cloud the position was picked.
     pub drive: Option<String>,
+}
+
+impl PointUse {
+    /// The word of the column `use`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Control => "control",
+            Self::Check => "check",
+        }
+    }
+}
+
+impl CheckPoint {
+    /// Standard deviation of the coordinates, horizontally along each axis and up, m: stated, otherwise 0.02 and 0.03.
+    pub fn deviation_m(&self) -> [f64; 2] {
+        [0, 1].map(|axis| self.sigma_m[axis].unwrap_or(DEFAULT_SIGMA_M[axis]))
+    }
 }
 
 /// Columns that a file must have.

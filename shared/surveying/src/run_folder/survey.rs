@@ -1,6 +1,7 @@
 //! `survey.json`: adjusted poses of the submaps of several drives. The clouds stay in their runs.
 
 use super::{Georeference, RunFolder};
+use crate::accuracy::{DriveHeights, PointAccuracy, PointResidual};
 use crate::error::DeliverError;
 use delivery::{PlacedSubmap, corrected};
 use files::regular_file;
@@ -26,6 +27,21 @@ pub struct SurveyFile {
     pub doubts: Vec<String>,
     /// Why no drive and no control point determines the place of the survey on the Earth. Empty if one does.
     pub unplaced: Vec<String>,
+    /// How accurate the result is.
+    #[serde(default)]
+    pub accuracy: SurveyAccuracy,
+}
+
+/// How accurate a survey is.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct SurveyAccuracy {
+    /// Accuracy over the control points and over the check points.
+    #[serde(flatten)]
+    pub points: PointAccuracy,
+    /// Mean residual of each point that a submap shows. Control points that contradict the other measurements are included.
+    pub residuals: Vec<PointResidual>,
+    /// Height differences of each two drives with the ground in common.
+    pub heights: Vec<DriveHeights>,
 }
 
 /// A drive of a survey.
@@ -58,8 +74,9 @@ pub struct AdjustedCloud {
 
 impl SurveyFile {
     /// The content for these drives.
-    pub fn new(origin: Geodetic, drives: Vec<AdjustedDrive>, doubts: Vec<String>, unplaced: Vec<String>) -> Self {
-        Self { version: VERSION, origin, drives, doubts, unplaced }
+    pub fn new(origin: Geodetic, drives: Vec<AdjustedDrive>) -> Self {
+        let [doubts, unplaced] = [Vec::new(), Vec::new()];
+        Self { version: VERSION, origin, drives, doubts, unplaced, accuracy: SurveyAccuracy::default() }
     }
 }
 
@@ -125,6 +142,7 @@ fn open_drive(
     opened.trajectory = corrected(&opened.trajectory, &submaps);
     opened.georeference = Some(Georeference::for_local(LocalFrame::new(origin)));
     opened.survey_drive = Some(number);
+    opened.survey_name = Some(name.clone());
     Ok(opened)
 }
 

@@ -40,7 +40,7 @@ fn surface_of_the_cloud_gives_the_residual_of_the_height() {
     let comparison =
         write_check_points(std::slice::from_ref(&opened), &frame, load_check_points(&file).expect("loads"), &out)
             .expect("compares");
-    let accuracy = &comparison.accuracy;
+    let accuracy = &comparison.accuracy.check;
     let outside: Vec<&str> = comparison.outside().map(|point| point.name.as_str()).collect();
     assert_eq!((outside, comparison.unusable([[0.0; 3]; 2])), (vec!["C"], None));
     let table = std::fs::read_to_string(out.join("check_points.csv")).expect("was written");
@@ -54,6 +54,9 @@ fn surface_of_the_cloud_gives_the_residual_of_the_height() {
     assert!((accuracy.ce90_m.expect("has one") - 0.04).abs() < 1e-6);
     let summary = std::fs::read_to_string(out.join("check_points_summary.csv")).expect("was written");
     assert!(summary.contains("rmse_x,1,0.0400") && summary.contains("le90,3,"), "{summary}");
+    // Horizontally 4 cm, and 2 cm along each axis of the check point.
+    assert!(summary.contains("class_h,1,0.05,check,not tested: 1 check points; 29 are missing"), "{summary}");
+    assert!(summary.contains("ce95,1,0.0692,check,"), "{summary}");
 
     std::fs::write(&file, "name,x,y\n").expect("writes");
     let error = load_check_points(&file).expect_err("is refused").to_string();

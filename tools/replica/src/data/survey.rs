@@ -7,8 +7,8 @@ mod tables;
 use super::deliver::frame::unplaced;
 use super::deliver::{open_finished_run, progress_bar};
 use super::new_folder::NewFolder;
-use adjustment::{Submaps, Survey, adjust_survey, control_points};
-use answer::{Answered, doubts};
+use adjustment::{Submaps, Survey, accuracy, adjust_survey, control_points, mean_residuals};
+use answer::{Answered, Facts, doubts};
 use anyhow::Context;
 use command_line::answer::Answer;
 use command_line::exit_code::INCOMPLETE;
@@ -18,6 +18,7 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use survey_file::Wanted;
+use surveying::accuracy::{accuracy_table, heights_rows};
 use surveying::check_points::load_check_points;
 use surveying::{AdjustedCloud, AdjustedDrive, RunFolder, SURVEY, SurveyFile};
 
@@ -66,17 +67,26 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         _ => Vec::new(),
     };
     let survey = adjust_survey(&submaps, &points)?;
-    let answered = Answered::new(&submaps, &survey, &points, &args.out);
+    let means = mean_residuals(&survey, &points);
+    let accuracy = accuracy(&submaps, &survey, &points);
+    let facts = Facts { submaps: &submaps, survey: &survey, points: &points, means: &means, accuracy: &accuracy };
+    let answered = Answered::new(&facts, &args.out);
     let doubts = doubts(&submaps, &survey, &points);
     let is_placed = unplaced_drives.iter().any(Vec::is_empty) || n_marks(&survey) >= MIN_MARKS;
     let unplaced = if is_placed { Vec::new() } else { unplaced_drives.concat() };
-    let file = SurveyFile::new(submaps.frame.origin(), adjusted(&submaps, &survey)?, doubts.clone(), unplaced);
+    let accuracy_csv = accuracy_table(&accuracy.points) + &heights_rows(&accuracy.heights);
+    let mut file = SurveyFile::new(submaps.frame.origin(), adjusted(&submaps, &survey)?);
+    file.doubts.clone_from(&doubts);
+    file.unplaced = unplaced;
+    file.accuracy = accuracy;
     let text = serde_json::to_string_pretty(&file)? + "\n";
     for (name, text) in [
         (SURVEY, text),
         ("submaps.csv", tables::submaps(&submaps, &survey)),
         ("matches.csv", tables::matches(&submaps, &survey)),
         ("points.csv", tables::points(&submaps, &survey, &points)),
+        ("residuals.csv", tables::residuals(&means)),
+        ("accuracy.csv", accuracy_csv),
     ] {
         let path = folder.files.join(name);
         write_atomic(&path, text.as_bytes()).with_context(|| format!("{}: cannot write", path.display()))?;

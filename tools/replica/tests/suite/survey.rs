@@ -5,6 +5,8 @@ use crate::finished_run::{RunOptions, write_run};
 use crate::support::{printed, replica, succeeded, text};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
+use surveying::crs::Crs;
+use surveying::{RunFolder, TargetFrame};
 
 /// Two runs of one drive; the second one is 3 m to the east and 2 m up. Returns the folder's survey.toml.
 fn two_runs(folder: &Path) -> PathBuf {
@@ -125,4 +127,56 @@ fn control_point_outside_of_all_drives_is_a_doubt() {
     let doubted = replica(&["survey", text(&survey), "--out", text(&out)]);
     assert_eq!(doubted.status.code(), Some(3), "{}", printed(&doubted));
     assert!(printed(&doubted).contains("control point \"far\" is in no submap"), "{}", printed(&doubted));
+}
+
+#[test]
+fn survey_and_delivery_report_the_same_accuracy_at_a_picked_mark() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let survey = two_runs(folder.path());
+    let run = RunFolder::open(&folder.path().join("second")).expect("opens");
+    let mut picked = None;
+    run.each_point(&run.index.clouds[0], |point| picked = picked.or(Some(point.xyz))).expect("reads");
+    let [px, py, pz] = picked.expect("has points");
+    // The drives meet in the middle; the mark is 4 cm farther east and 3 cm lower than measured.
+    let georeference = run.georeference.as_ref().expect("is placed");
+    let frame = TargetFrame::projected(georeference, Crs::from_epsg(32631).expect("known"), None).expect("a frame");
+    let [x, y, z] = frame.from_cloud([px - 1.5 - 0.04, py, pz - 1.0 + 0.03]).expect("converts");
+    let row = format!("M,{x},{y},{z},check,again,{px},{py},{pz}\n");
+    let points = folder.path().join("points.csv");
+    std::fs::write(&points, format!("name,x,y,z,use,drive,cloud_x,cloud_y,cloud_z\n{row}")).expect("writes");
+    let content = std::fs::read_to_string(&survey).expect("reads");
+    std::fs::write(&survey, content + "[points]\nfile = \"points.csv\"\ncrs = \"EPSG:32631\"\n").expect("writes");
+    let out = folder.path().join("survey");
+    let said = succeeded(&replica(&["survey", text(&survey), "--out", text(&out), "--json"]));
+    let surveyed: Value = serde_json::from_str(&said).expect("one object");
+    let delivery = folder.path().join("delivery");
+    let arguments = ["--crs", "EPSG:32631", "--tile-m", "0", "--check-points", text(&points), "--json"];
+    let said =
+        succeeded(&replica(&[["deliver", text(&out), "--out", text(&delivery)].as_slice(), &arguments].concat()));
+    let delivered: Value = serde_json::from_str(&said).expect("one object");
+
+    let accuracy = &surveyed["check"]["accuracy"];
+    assert_eq!(accuracy, &json_file(&out.join("survey.json"))["accuracy"]["check"]);
+    for (axis, off_m) in [0.04, 0.0, -0.03].into_iter().enumerate() {
+        let mean = |accuracy: &Value| accuracy["axes"][axis]["mean_m"].as_f64().expect("a number");
+        let [by_survey, by_delivery] = [mean(accuracy), mean(&delivered["accuracy"])];
+        assert!((by_survey - off_m).abs() < 0.02, "{axis}: {by_survey}");
+        assert!((by_survey - by_delivery).abs() < 2e-3, "{axis}: {by_survey} and {by_delivery}");
+    }
+    for class in [&accuracy["horizontal_class"], &delivered["accuracy"]["vertical_class"]] {
+        assert_eq!((&class["n"], &class["n_missing"]), (&json!(1), &json!(29)), "{class}");
+    }
+    let heights = &surveyed["heights"][0];
+    assert!(
+        heights["rmsd_m"].as_f64().expect("a number") < 0.01 && heights["is_within_class"] == json!(true),
+        "{heights}"
+    );
+    let read = |name: &str| std::fs::read_to_string(out.join(name)).expect("was written");
+    assert!(
+        read("accuracy.csv").contains("class_v,1,") && read("accuracy.csv").contains("rmsd_z,"),
+        "{}",
+        read("accuracy.csv")
+    );
+    assert!(read("residuals.csv").contains("\nM,check,,1,0.0"), "{}", read("residuals.csv"));
+    assert!(delivery.join("check_points_summary.csv").exists());
 }

@@ -4,7 +4,8 @@ use super::facts::Facts;
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
-use surveying::check_points::{Accuracy, Comparison};
+use surveying::accuracy::Accuracy;
+use surveying::check_points::{Comparison, PointUse};
 
 /// A delivery.
 #[derive(Serialize)]
@@ -28,7 +29,10 @@ pub struct Others {
     pub n_objects: Option<usize>,
     /// Raster files.
     pub rasters: Vec<&'static str>,
+    /// Accuracy over the check points.
     pub accuracy: Option<Accuracy>,
+    /// Accuracy over the control points of a survey.
+    pub control_accuracy: Option<Accuracy>,
     /// Names of the check points without points of the cloud near them.
     pub check_points_outside: Vec<String>,
     #[serde(skip)]
@@ -39,7 +43,9 @@ pub struct Others {
 
 impl Others {
     pub fn set_check_points(&mut self, comparison: Comparison) {
-        self.accuracy = Some(comparison.accuracy.clone());
+        self.accuracy = Some(comparison.accuracy.check.clone());
+        let has_control = comparison.residuals.iter().any(|residual| residual.point.point_use == PointUse::Control);
+        self.control_accuracy = has_control.then(|| comparison.accuracy.control.clone());
         self.check_points_outside = comparison.outside().map(|point| point.name.clone()).collect();
         self.check_points = Some(comparison);
     }
@@ -60,7 +66,7 @@ impl Delivered<'_> {
             path,
             n_objects,
             rasters,
-            accuracy,
+            check_points,
             check_points_outside,
             cloudcompare,
             semantic_kitti,
@@ -87,8 +93,8 @@ impl Delivered<'_> {
         if !rasters.is_empty() {
             let _ = writeln!(text, "rasters: {}", rasters.join(", "));
         }
-        if let Some(accuracy) = accuracy {
-            text.push_str(&accuracy_text(accuracy));
+        if let Some(comparison) = check_points {
+            text.push_str(&comparison.accuracy.text());
         }
         if !check_points_outside.is_empty() {
             let _ = writeln!(text, "check points outside of the cloud: {}", check_points_outside.join(", "));
@@ -101,21 +107,4 @@ impl Delivered<'_> {
         let _ = writeln!(text, "{}: {}", self.out.display(), facts.frame);
         text
     }
-}
-
-fn accuracy_text(accuracy: &Accuracy) -> String {
-    let mut text = String::new();
-    for (name, axis) in ["x", "y", "z"].iter().zip(accuracy.axes).filter(|(_, axis)| axis.n > 0) {
-        // Writing to a string cannot fail.
-        let n = axis.n;
-        let rmse_m = axis.rmse_m;
-        let mean_m = axis.mean_m;
-        let _ = writeln!(text, "check points, {name}: {n} points, RMSE {rmse_m:.3} m, mean {mean_m:.3} m");
-    }
-    for (name, value) in [("CE90", accuracy.ce90_m), ("LE90", accuracy.le90_m)] {
-        if let Some(value) = value {
-            let _ = writeln!(text, "check points: {name} {value:.3} m");
-        }
-    }
-    text
 }

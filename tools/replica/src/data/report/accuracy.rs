@@ -8,7 +8,7 @@ use super::finished_run::FinishedRun;
 use super::place::Place;
 use page::Level;
 use serde::Serialize;
-use surveying::check_points::percentile;
+use surveying::accuracy::percentile;
 
 /// From the root of the summed variances of both horizontal axes to the radius with 95 % of the positions, for equal
 /// axes (FGDC-STD-007.3-1998, NSSDA: 1.7308 RMSE).

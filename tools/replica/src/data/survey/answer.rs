@@ -1,9 +1,22 @@
 //! The answer of `replica survey`, and its doubts.
 
-use adjustment::{ControlPoint, SeenControl, Submaps, Survey, Weighed, disagreement};
+use adjustment::{ControlPoint, MeanResidual, SeenControl, Submaps, Survey, Weighed, disagreement};
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::Path;
+use surveying::SurveyAccuracy;
+use surveying::accuracy::{Accuracy, AxisAccuracy, DriveHeights};
+use surveying::check_points::PointUse;
+
+/// What the answer is made from.
+pub struct Facts<'a> {
+    pub submaps: &'a Submaps,
+    pub survey: &'a Survey,
+    pub points: &'a [ControlPoint],
+    /// Mean residual of each point that a submap shows.
+    pub means: &'a [MeanResidual],
+    pub accuracy: &'a SurveyAccuracy,
+}
 
 /// What was adjusted.
 #[derive(Serialize)]
@@ -14,6 +27,8 @@ pub struct Answered<'a> {
     pairs: Vec<Pair>,
     control: PointResiduals,
     check: PointResiduals,
+    /// Height differences of each two drives.
+    heights: Vec<DriveHeights>,
     /// Largest standard deviation of a submap, horizontally and up, m.
     largest_sigma_m: [f64; 2],
 }
@@ -43,23 +58,26 @@ struct Pair {
 struct PointResiduals {
     n_points: usize,
     n_seen: usize,
+    /// Control points that contradict the other measurements. They do not count below.
+    n_refused: usize,
     /// Root mean square east, north and up, m. `None` if no point is measured along the axis.
     rmse_m: [Option<f64>; 3],
+    accuracy: Accuracy,
 }
 
 impl<'a> Answered<'a> {
-    pub fn new(submaps: &Submaps, survey: &Survey, points: &[ControlPoint], out: &'a Path) -> Self {
+    pub fn new(facts: &Facts<'_>, out: &'a Path) -> Self {
+        let Facts { submaps, survey, points, means, accuracy } = facts;
         let drives = submaps.drives.iter().enumerate().map(|(index, drive)| {
             let numbers = (0..submaps.all.len()).filter(|k| submaps.all[*k].drive == index);
             let moved = numbers.map(|k| survey.after[k].translation.vector - survey.before[k].translation.vector);
             let moved: Vec<_> = moved.collect();
             MovedDrive { name: drive.name.clone(), n_submaps: moved.len(), moved_m: rms(&moved) }
         });
-        let control: Vec<&SeenControl> = survey.control.iter().map(|seen| &seen.measured).collect();
-        let check: Vec<&SeenControl> = survey.check.iter().collect();
-        let residuals = |seen: &[&SeenControl], is_control: bool| {
-            let of_kind = |point: &&ControlPoint| point.is_control() == is_control;
-            residuals(seen, survey, points.len(), points.iter().filter(of_kind).count())
+        let residuals = |accuracy: &Accuracy, point_use: PointUse| {
+            let n_points = points.iter().filter(|point| point.point.point_use == point_use).count();
+            let means = means.iter().filter(|mean| mean.residual.point_use == point_use);
+            PointResiduals::new(accuracy, n_points, &means.collect::<Vec<_>>())
         };
         let largest = |axis: usize| survey.sigma_m.iter().map(|sigma| sigma[axis]).fold(0.0, f64::max);
         Self {
@@ -67,8 +85,9 @@ impl<'a> Answered<'a> {
             n_submaps: submaps.all.len(),
             drives: drives.collect(),
             pairs: pairs(submaps, survey),
-            control: residuals(&control, true),
-            check: residuals(&check, false),
+            control: residuals(&accuracy.points.control, PointUse::Control),
+            check: residuals(&accuracy.points.check, PointUse::Check),
+            heights: accuracy.heights.clone(),
             largest_sigma_m: [largest(0), largest(1)],
         }
     }
@@ -92,8 +111,11 @@ impl<'a> Answered<'a> {
         }
         for (name, residuals) in [("control points", &self.control), ("check points", &self.check)] {
             if residuals.n_points > 0 {
-                let _ = writeln!(text, "{name}: {}", residuals.text());
+                text.push_str(&residuals.text(name));
             }
+        }
+        for heights in &self.heights {
+            let _ = writeln!(text, "{heights}");
         }
         let [horizontal, up] = self.largest_sigma_m;
         let _ = writeln!(text, "largest standard deviation of a submap: {horizontal:.3} m horizontally, {up:.3} m up");
@@ -103,11 +125,22 @@ impl<'a> Answered<'a> {
 }
 
 impl PointResiduals {
-    fn text(&self) -> String {
-        let axes = ["east", "north", "up"].iter().zip(self.rmse_m);
-        let axes = axes.filter_map(|(name, rmse)| Some(format!("{name} {:.3} m", rmse?)));
-        let axes = axes.collect::<Vec<_>>().join(", ");
-        format!("{} of {} seen, RMSE {}", self.n_seen, self.n_points, if axes.is_empty() { "unknown" } else { &axes })
+    /// The residuals of points of one use. `n_points` counts the points of the table.
+    fn new(accuracy: &Accuracy, n_points: usize, means: &[&MeanResidual]) -> Self {
+        let rmse = |axis: &AxisAccuracy| (axis.n > 0).then_some(axis.rmse_m);
+        Self {
+            n_points,
+            n_seen: means.len(),
+            n_refused: means.iter().filter(|mean| !mean.agrees).count(),
+            rmse_m: accuracy.axes.each_ref().map(rmse),
+            accuracy: accuracy.clone(),
+        }
+    }
+
+    fn text(&self, name: &str) -> String {
+        let Self { n_points, n_seen, n_refused, accuracy, .. } = self;
+        let refused = if *n_refused > 0 { format!(", {n_refused} refused") } else { String::new() };
+        format!("{name}: {n_seen} of {n_points} seen{refused}\n") + &accuracy.text(name)
     }
 }
 
@@ -143,24 +176,6 @@ fn rms(vectors: &[geometry::Vector3<f64>]) -> [f64; 2] {
         (vectors.iter().map(square).sum::<f64>() / vectors.len().max(1) as f64).sqrt()
     };
     [mean(|v| v.xy().norm_squared()), mean(|v| v.z * v.z)]
-}
-
-/// Mean residual of each point after the adjustment, and their root mean square.
-fn residuals(seen: &[&SeenControl], survey: &Survey, n_all: usize, n_points: usize) -> PointResiduals {
-    let mut by_point: Vec<Vec<[Option<f64>; 3]>> = vec![Vec::new(); n_all];
-    for seen in seen {
-        by_point[seen.point].push(seen.residual_m(&survey.after));
-    }
-    let rmse = |axis: usize| {
-        let means = by_point.iter().filter_map(|residuals| {
-            let values: Vec<f64> = residuals.iter().filter_map(|residual| residual[axis]).collect();
-            (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
-        });
-        let squares: Vec<f64> = means.map(|mean| mean * mean).collect();
-        (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
-    };
-    let n_seen = by_point.iter().filter(|residuals| !residuals.is_empty()).count();
-    PointResiduals { n_points, n_seen, rmse_m: [rmse(0), rmse(1), rmse(2)] }
 }
 
 /// Drives and points that do not fit.

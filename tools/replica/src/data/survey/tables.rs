@@ -1,8 +1,10 @@
 //! The tables of a survey.
 
-use adjustment::{ControlPoint, SeenControl, Submaps, Survey, Weighed, disagreement};
+use adjustment::{ControlPoint, MeanResidual, SeenControl, Submaps, Survey, Weighed, disagreement};
 use files::csv::csv_cell;
 use std::fmt::Write;
+use surveying::accuracy::PointResidual;
+use surveying::check_points::PointUse;
 
 /// A line for each submap: how far it was moved, m, and its standard deviation.
 pub fn submaps(submaps: &Submaps, survey: &Survey) -> String {
@@ -64,7 +66,24 @@ pub fn points(submaps: &Submaps, survey: &Survey, points: &[ControlPoint]) -> St
     text
 }
 
+/// A line for each control or check point: mean residual after the adjustment over the submaps that show it.
+pub fn residuals(means: &[MeanResidual]) -> String {
+    let mut text = "name,use,agrees,submaps,east_m,north_m,up_m\n".to_owned();
+    for MeanResidual { residual, n_submaps, agrees } in means {
+        let PointResidual { name, point_use, east_north_m, up_m, .. } = residual;
+        let agrees = if *point_use == PointUse::Control { u8::from(*agrees).to_string() } else { String::new() };
+        let [east, north] = east_north_m.map_or([None; 2], |both| both.map(Some));
+        let off = [east, north, *up_m].map(metres).join(",");
+        let _ = writeln!(text, "{},{},{agrees},{n_submaps},{off}", csv_cell(name), point_use.name());
+    }
+    text
+}
+
 fn residual(seen: &SeenControl, poses: &[geometry::Pose]) -> String {
-    let value = |value: Option<f64>| value.map_or_else(String::new, |value| format!("{value:.4}"));
-    seen.residual_m(poses).map(value).join(",")
+    seen.residual_m(poses).map(metres).join(",")
+}
+
+/// A value as text; empty if unknown.
+fn metres(value: Option<f64>) -> String {
+    value.map_or_else(String::new, |value| format!("{value:.4}"))
 }
