@@ -5,13 +5,13 @@ use crate::drives::Submaps;
 use crate::error::SurveyError;
 use crate::matches::{Match, fine_matches};
 use crate::meetings::meetings;
-use crate::network::{Adjusted, adjust};
+use crate::network::{Adjusted, RunPose, adjust};
 use geometry::Pose;
 
 /// Rounds of fine matches: the first starts some decimetres off, the second one ends within a centimetre.
 const ROUNDS: usize = 2;
 /// Least weight of a measurement that agrees with the result.
-const MIN_WEIGHT: f64 = 0.25;
+pub(crate) const MIN_WEIGHT: f64 = 0.25;
 
 /// A measurement, and whether it agrees with the result.
 #[derive(Clone, Debug, PartialEq)]
@@ -41,7 +41,8 @@ pub struct Survey {
 /// Adjusts the submaps of all drives to each other and to the control points. Check points are only looked up.
 pub fn adjust_survey(submaps: &Submaps, points: &[ControlPoint]) -> Result<Survey, SurveyError> {
     let before: Vec<Pose> = submaps.all.iter().map(|submap| submap.survey_from_submap).collect();
-    let mut adjusted = adjust(submaps, &before, meetings(submaps), &[])?;
+    let run_poses: Vec<RunPose> = submaps.all.iter().map(RunPose::from).collect();
+    let mut adjusted = adjust(&run_poses, &before, meetings(submaps), &[])?;
     let mut matches = Vec::new();
     let mut control = Vec::new();
     for _ in 0..ROUNDS {
@@ -49,7 +50,7 @@ pub fn adjust_survey(submaps: &Submaps, points: &[ControlPoint]) -> Result<Surve
         control = seen(submaps, &adjusted.poses, points);
         control.retain(|seen| points[seen.point].is_control());
         let relative = matches.iter().map(|found| found.relative.clone()).collect();
-        adjusted = adjust(submaps, &adjusted.poses, relative, &control)?;
+        adjusted = adjust(&run_poses, &adjusted.poses, relative, &control)?;
     }
     let Adjusted { poses: after, sigma_m, match_weights, control_weights } = adjusted;
     let mut check = seen(submaps, &after, points);
