@@ -7,6 +7,7 @@
 //! | pictures of points over images and of sweeps over each other | [`picture`] |
 //! | rotations and elevations that fit the drive better | [`refine`] |
 //! | mounting of one LiDAR relative to another | `secondary_lidar` |
+//! | mounting of the first LiDAR from passes along given paths | `boresight` |
 //! | delay of a receiver | `receiver_delay` |
 //! | rotations in their usual notations | [`rotation`] |
 //! | third-party calibrations | [`source`] |
@@ -21,6 +22,7 @@
 //! sensor and evaluate the data of the survey. [`source`] imports third-party calibrations. The commands are
 //! `replica rig new`, `check` and `refine` (`docs/guide/rig.md`).
 
+mod boresight;
 pub mod check;
 pub mod error;
 pub mod picture;

@@ -1,9 +1,10 @@
 //! Refines a rig from its drive: rotations and delays of cameras and inertial unit, the delay of the receiver,
-//! elevations of the LiDAR's rings, and mountings of the secondary LiDARs.
+//! elevations of the LiDAR's rings, mountings of the secondary LiDARs, and by given paths the mounting of the first LiDAR.
 //!
 //! A value is replaced if the drive determines it and it differs by more than twice its standard deviation. All other
 //! values are kept.
 
+mod boresight;
 mod cameras;
 mod gnss;
 mod imu;

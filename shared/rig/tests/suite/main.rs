@@ -1,5 +1,6 @@
 //! Rigs of simulated drives: correct ones, and ones with a single fault.
 
+mod boresight;
 mod cameras;
 mod lidar;
 mod real_drives;

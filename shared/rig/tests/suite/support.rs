@@ -19,7 +19,7 @@ pub struct Recorded {
 }
 
 impl Recorded {
-    fn simulate(spec: &DriveSpec) -> Self {
+    pub fn simulate(spec: &DriveSpec) -> Self {
         let folder = tempfile::tempdir().expect("a folder");
         write_drive(spec, &folder.path().join("drive"), &mut |_| {}).expect("simulated");
         Self { folder }

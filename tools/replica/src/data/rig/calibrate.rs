@@ -11,16 +11,22 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Refine rotations of cameras and IMU, delays, ring angles of the LiDAR and mountings of further LiDARs by a drive.
+/// Refine rotations of cameras and IMU, delays, ring angles and mountings of LiDARs by a drive.
 ///
 /// Prints each value with its difference from drive.toml and its standard deviation, and the values that the drive does not
 /// determine. Values that differ by more than two standard deviations are replaced. Without --out nothing is written.
+///
+/// With a post-processed path ([trajectory] in drive.toml), the mounting of the LiDAR follows from surfaces that it passes several
+/// times. Roll and heading need passes in opposite directions.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage\n\n\
                   Example: replica rig calibrate drives/mine --out drives/mine/refined.toml")]
 pub struct Args {
     #[command(flatten)]
     part: PartOfDrive,
+    /// Further drive of the same vehicle through the same streets, with a path; several are allowed
+    #[arg(long, value_name = "DRIVE")]
+    pass: Vec<PathBuf>,
     /// File for the refined drive.toml, in the drive folder; a calibration file of the LiDAR is written to the same folder
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
@@ -42,7 +48,11 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let drive = Drive::open(&args.part.drive)?;
     let settings = args.part.settings();
     let survey = Survey::from_drive(&drive, &settings)?;
-    let refined = Refined::from_survey(&drive, &survey, &settings)?;
+    let mut refined = Refined::from_survey(&drive, &survey, &settings)?;
+    if !args.pass.is_empty() || drive.manifest().trajectory.is_some() {
+        let passes: Vec<Drive> = args.pass.iter().map(|folder| Drive::open(folder)).collect::<Result<_, _>>()?;
+        refined.add_boresight(&drive, &passes, &settings)?;
+    }
     let in_place = args.write.then(|| drive.folder().join(MANIFEST_FILE));
     let out = args.out.clone().or(in_place);
     let has_out = out.is_some();
