@@ -180,10 +180,14 @@ fn normal_equations(
         .collect();
     let mut groups = vec![Sums::zeros(n); GROUPS];
     for part in &parts {
-        groups.iter_mut().zip(part).for_each(|(sum, part)| sum.add_sums(part));
+        for (sum, part) in groups.iter_mut().zip(part) {
+            sum.add_sums(part);
+        }
     }
     let mut all = Sums::zeros(n);
-    groups.iter().for_each(|group| all.add_sums(group));
+    for group in &groups {
+        all.add_sums(group);
+    }
     Some(Equations { all, groups, n_pairs: pairs.len() })
 }
 

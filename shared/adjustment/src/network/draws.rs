@@ -144,7 +144,7 @@ impl Draw {
 fn relative(random: &mut Random, truth: &[Pose], k: usize) -> RelativePose {
     let source = SUBMAPS + k / 2;
     let opposite = SUBMAPS - 1 - k / 2;
-    let target = if k % 2 == 0 { opposite } else { opposite.saturating_sub(1) };
+    let target = if k.is_multiple_of(2) { opposite } else { opposite.saturating_sub(1) };
     let wrong = if k % WRONG_MATCH_EVERY == 7 { WRONG_MATCH_M } else { 0.0 };
     let off = error(random, MATCH_M, MATCH_RAD) * Isometry3::translation(wrong, 0.0, 0.0);
     let sigma = [MATCH_M, MATCH_M, MATCH_M, MATCH_RAD, MATCH_RAD, MATCH_RAD];

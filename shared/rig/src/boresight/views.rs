@@ -76,7 +76,7 @@ impl Passes {
                     return Err(RigError::source(path.file(), "", rule));
                 }
                 (None, Some(own)) => {
-                    frame = Some(own.clone());
+                    frame = Some(*own);
                     Pose::identity()
                 }
                 (Some(frame), Some(own)) => {
@@ -94,7 +94,9 @@ impl Passes {
             found.add(index, drive, &path, &world_from_own, &part)?;
             let own = &mut found.views[first..];
             let n = own.len().max(1);
-            own.iter_mut().enumerate().for_each(|(k, view)| view.group = k * GROUPS / n);
+            for (k, view) in own.iter_mut().enumerate() {
+                view.group = k * GROUPS / n;
+            }
             let middle = own.get(n / 2).map_or(path.span()[0], |view| view.stamp);
             found.deviations.push(path.deviation_at(middle));
         }
