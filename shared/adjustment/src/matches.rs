@@ -27,6 +27,16 @@ pub struct Match {
     pub rms_m: f64,
 }
 
+impl Match {
+    /// Standard deviations that the match states for its position, east, north and up, m. `None` if an axis is undetermined.
+    pub fn sigma_m(&self, poses: &[Pose]) -> Option<[f64; 3]> {
+        let covariance = self.relative.information.try_inverse()?;
+        let axes = poses[self.relative.target].rotation.to_rotation_matrix();
+        let position = axes.matrix() * covariance.fixed_view::<3, 3>(0, 0) * axes.matrix().transpose();
+        Some([0, 1, 2].map(|axis| position[(axis, axis)].max(0.0).sqrt()))
+    }
+}
+
 /// Matches all submaps that are near each other for the current poses, which must be accurate within some decimetres.
 pub fn fine_matches(submaps: &Submaps, poses: &[Pose]) -> Vec<Match> {
     let pairs = near_pairs(submaps, &submaps.centers(poses));

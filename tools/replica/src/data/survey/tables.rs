@@ -28,7 +28,8 @@ pub fn submaps(submaps: &Submaps, survey: &Survey) -> String {
 /// A line for each match of two submaps: how far they were apart before and after.
 pub fn matches(submaps: &Submaps, survey: &Survey) -> String {
     let mut text = "drive,submap,other_drive,other_submap,agrees,matched_share,rms_m,\
-                    before_east_m,before_north_m,before_up_m,after_east_m,after_north_m,after_up_m\n"
+                    before_east_m,before_north_m,before_up_m,after_east_m,after_north_m,after_up_m,\
+                    sigma_east_m,sigma_north_m,sigma_up_m\n"
         .to_owned();
     for Weighed { measured, agrees } in &survey.matches {
         let [a, b] = [measured.relative.target, measured.relative.source].map(|k| {
@@ -39,10 +40,13 @@ pub fn matches(submaps: &Submaps, survey: &Survey) -> String {
         let [before, after] = off.map(|off| format!("{:.4},{:.4},{:.4}", off.x, off.y, off.z));
         let _ = writeln!(
             text,
-            "{a},{b},{},{:.3},{:.4},{before},{after}",
+            "{a},{b},{},{:.3},{:.4},{before},{after},{}",
             u8::from(*agrees),
             measured.matched,
-            measured.rms_m
+            measured.rms_m,
+            measured
+                .sigma_m(&survey.after)
+                .map_or_else(|| ",,".to_owned(), |sigma| sigma.map(|m| format!("{m:.4}")).join(","))
         );
     }
     text
