@@ -139,7 +139,7 @@ fn survey_and_delivery_report_the_same_accuracy_at_a_picked_mark() {
     let [px, py, pz] = picked.expect("has points");
     // The drives meet in the middle; the mark is 4 cm farther east and 3 cm lower than measured.
     let georeference = run.georeference.as_ref().expect("is placed");
-    let frame = TargetFrame::projected(georeference, Crs::from_epsg(32631).expect("known"), None).expect("a frame");
+    let frame = TargetFrame::projected(georeference, Crs::from_epsg(32631).expect("known")).expect("a frame");
     let [x, y, z] = frame.from_cloud([px - 1.5 - 0.04, py, pz - 1.0 + 0.03]).expect("converts");
     let row = format!("M,{x},{y},{z},check,again,{px},{py},{pz}\n");
     let points = folder.path().join("points.csv");
