@@ -15,6 +15,7 @@
 //!    from the previous pose to T, with the velocity changes that a vehicle can reach.
 
 pub(crate) mod normal_equations;
+pub(crate) mod rough_overlap;
 
 use crate::map::maps::Maps;
 use crate::motion::Velocity;

@@ -1,10 +1,13 @@
 //! Scan-to-map odometry: registers each sweep to the local map.
 
+mod acceptance;
 pub(crate) mod initialization;
+mod weak_track;
 
 use crate::features::sampling::sampled;
 use crate::features::sweep_features::SweepFeatures;
 use crate::map::maps::{Maps, SavedMaps};
+use crate::matching::rough_overlap::{AlongTrackSearch, rough_overlap};
 use crate::matching::{Match, Prediction, match_features};
 use crate::motion::Velocity;
 use crate::moving_objects::{MovingDetector, MovingPoints};
@@ -21,10 +24,12 @@ use crate::{
     Feature, FeatureSettings, GroundVelocity, InertialSample, Kernel, LocalMap, MapSettings, MatchSettings, Matched,
     Registered, RegistrationError, Revolution, Sampling, SensorMounting, SpinDirection, Sweep, SweepMotion, Weights,
 };
+use acceptance::{is_plausible, is_reachable};
 use geometry::{Pose, Stamp, Vector3};
 use initialization::{InitialMotion, initialize};
 use nalgebra::{Matrix6, Point3};
 use serde::{Deserialize, Serialize};
+use weak_track::{AlongTrackMeasurement, AlongTrackPrior, WeakTrack};
 
 /// Settings of all steps. Each part documents its defaults.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -53,16 +58,6 @@ impl OdometrySettings {
     }
 }
 
-/// Least share of features with a match. At 10 m/s, 10 to 20 % lie on newly visible surfaces.
-const MIN_MATCHED_SHARE: f64 = 0.3;
-/// Largest root mean square distance from the map's planes, m: five times the range noise.
-const MAX_RMS_M: f64 = 0.12;
-/// Largest difference from the prediction: 15 m/s^2 and 10 rad/s^2, more than any road vehicle reaches, plus the shift
-/// of a coarse round.
-const MAX_JUMP_MPS2: f64 = 15.0;
-const MAX_JUMP_RADPS2: f64 = 10.0;
-const JUMP_SLACK_M: f64 = 0.5;
-const JUMP_SLACK_RAD: f64 = 0.05;
 /// Lower limit like [`MatchSettings::min_influence`] for the features that do not face along the track: their only
 /// along-track information comes from the edges of vehicles. Streets have 0.01 to 0.1 along the other directions.
 const UNDISPUTED_INFLUENCE: f64 = 0.01;
@@ -108,6 +103,7 @@ pub struct OdometryState {
     rings: RingErrors,
     ground_tilt: GroundTilt,
     turn: TurnShare,
+    weak_track: WeakTrack,
     moving: MovingDetector,
     maps: SavedMaps,
 }
@@ -139,6 +135,7 @@ impl Odometry {
             rings: RingErrors::default(),
             ground_tilt: GroundTilt::default(),
             turn: TurnShare::default(),
+            weak_track: WeakTrack::default(),
             moving: MovingDetector::default(),
             maps: SavedMaps::default(),
         };
@@ -270,7 +267,8 @@ impl Odometry {
         let prediction = self.predict(&last, second.mid_stamp);
         let first_match = start.second.clone();
         let first = registered(first, start.first, Some(first_match), false);
-        let estimate = Estimate { motion: start.second.motion, matched: Some(start.second), contrast: None };
+        let estimate =
+            Estimate { motion: start.second.motion, matched: Some(start.second), contrast: None, along_track: None };
         let second = self.update(&second, second_sweep, estimate, &last, &prediction);
         vec![first, second]
     }
@@ -290,7 +288,9 @@ impl Odometry {
             information: Matrix6::zeros(),
             sources: PredictionSources::default(),
         };
-        let prediction = prediction.filter(|prediction| prediction.sources.is_any()).unwrap_or_else(constant_motion);
+        let is_filtered = self.state.weak_track.is_measurable();
+        let prediction =
+            prediction.filter(|prediction| prediction.sources.is_any() || is_filtered).unwrap_or_else(constant_motion);
         let is_withheld = prediction.sources.inertial && self.state.imu_on_probation && last.is_measured;
         if is_withheld { PredictedPose { sources: prediction.sources, ..constant_motion() } } else { prediction }
     }
@@ -301,9 +301,13 @@ impl Odometry {
         let seconds = features.mid_stamp.seconds_since(last.mid_stamp);
 
         // 1. Prediction (III): the last velocity continues, or the filter of inertial unit and receiver predicts the pose. The
-        //    motion between the two poses is the motion during the sweep, which deskews it.
+        //    motion between the two poses is the motion during the sweep, which deskews it. Where the last matches hardly
+        //    constrained the along-track position, rough surfaces measure it.
         let predicted = self.predict(last, features.mid_stamp);
         let prediction = self.match_prediction(features, last, &predicted, seconds);
+        let by_sensors = prediction;
+        let mut along_track = self.along_track_measurement(features, last, &predicted, &prediction.motion);
+        let prediction = along_track.as_ref().map_or(prediction, |measured| measured.applied_to(&prediction));
 
         // 2. Sampling (III-C): evenly in space during feature extraction, or nine lists near the map at the predicted
         //   pose.
@@ -319,9 +323,13 @@ impl Odometry {
         let is_poor = |found: &Option<Match>| {
             found.as_ref().is_none_or(|found| found.matched.least_influence < self.settings.matching.rough_below)
         };
-        let mut found = matching(samples);
-        let mut matched_by = samples;
-        if near_map.is_none() && is_poor(&found) && features.with_rough.len() > features.matching.len() {
+        let mut matched_by = if along_track.is_some() { &features.with_rough } else { samples };
+        let mut found = matching(matched_by);
+        if along_track.is_none()
+            && near_map.is_none()
+            && is_poor(&found)
+            && features.with_rough.len() > features.matching.len()
+        {
             matched_by = &features.with_rough;
             found = matching(matched_by);
         }
@@ -329,21 +337,22 @@ impl Odometry {
         // 4. Acceptance: the match must have converged with enough small residuals, within the acceleration limits of a
         //   vehicle. Otherwise the prediction replaces it.
         let is_acceptable = |Match { matched, .. }: &Match| {
-            is_plausible(matched) && is_reachable(&matched.motion.mid, &predicted.mid, seconds)
+            is_plausible(matched) && is_reachable(&matched.motion.mid, &prediction.motion.mid, seconds)
         };
         let mut found = found.filter(is_acceptable);
 
         // 5. Along-track observability: in traffic at its own speed the vehicle appears to stand. If the scene does not
         //   constrain the along-track position, the sweep is matched again without the features that face along the
         //   track, and the sensors determine the position.
-        let forward = self.state.begin.rotation.inverse() * Vector3::x();
+        let forward = self.forward();
         let contrast = found.as_ref().and_then(|found| {
             along_track_contrast(&forward, samples, &self.maps, &found.matched.motion, &self.settings.matching)
         });
         if contrast.is_some_and(|contrast| contrast < MIN_CONTRAST) && predicted.sources.is_any() {
+            along_track = None;
             let undisputed = without_along_track_features(&forward, samples);
             let settings = MatchSettings { min_influence: UNDISPUTED_INFLUENCE, ..self.settings.matching.clone() };
-            let again = match_features(&undisputed, &self.maps, &prediction, &settings);
+            let again = match_features(&undisputed, &self.maps, &by_sensors, &settings);
             found = again.filter(is_acceptable).or(found);
         }
 
@@ -361,7 +370,9 @@ impl Odometry {
         }
 
         // 8. Filter, moving objects and map.
-        let estimate = Estimate { motion, matched: found.map(|found| found.matched), contrast };
+        let matched = found.map(|found| found.matched);
+        self.state.weak_track.update(matched.as_ref(), contrast, &(motion.mid.rotation * forward));
+        let estimate = Estimate { motion, matched, contrast, along_track };
         self.update(features, sweep, estimate, last, &predicted)
     }
 
@@ -386,6 +397,29 @@ impl Odometry {
             turn: self.state.turn,
             turn_lever: self.turn_lever(features, &last.mid, &predicted.mid, seconds),
         }
+    }
+
+    /// The along-track position by the overlap of rough surfaces, where the last matches hardly constrained it.
+    fn along_track_measurement(
+        &self,
+        features: &SweepFeatures,
+        last: &Last,
+        predicted: &PredictedPose,
+        motion: &SweepMotion,
+    ) -> Option<AlongTrackMeasurement> {
+        let navigation = self.state.navigation.as_ref().filter(|_| self.state.weak_track.is_measurable())?;
+        let forward = motion.mid.rotation * self.forward();
+        let variance = navigation.step_variance(&self.settings.mounting, &last.mid, &forward);
+        let is_inertial = predicted.sources.inertial && !self.state.imu_on_probation;
+        let prior = AlongTrackPrior::from_step(variance, is_inertial);
+        let search = AlongTrackSearch { forward, reach_m: prior.reach_m() };
+        let overlap = rough_overlap(&search, &features.with_rough, &self.maps, motion, &self.settings.matching)?;
+        Some(AlongTrackMeasurement::new(&forward, prior, overlap))
+    }
+
+    /// Direction of travel, LiDAR axes.
+    fn forward(&self) -> Vector3<f64> {
+        self.state.begin.rotation.inverse() * Vector3::x()
     }
 
     /// Stores the sensor errors that were estimated in a match.
@@ -425,7 +459,7 @@ impl Odometry {
         &mut self,
         features: &SweepFeatures,
         sweep: &Sweep,
-        Estimate { motion, matched, contrast }: Estimate,
+        Estimate { motion, matched, contrast, along_track }: Estimate,
         last: &Last,
         prediction: &PredictedPose,
     ) -> Registered {
@@ -437,8 +471,14 @@ impl Odometry {
                 information: matched.step_information * jitter,
                 drift_information: matched.step_information,
             });
+            let measurement = measurement.map(|found| match &along_track {
+                Some(along_track) => along_track.replaced_in(&found),
+                None => found,
+            });
             let step = [&last.mid, &motion.mid];
-            navigation.update_step(&self.settings.mounting, step, prediction, measurement.as_ref());
+            let weighted = along_track.as_ref().map(|along_track| along_track.weighted(prediction));
+            let weighted = weighted.as_ref().unwrap_or(prediction);
+            navigation.update_step(&self.settings.mounting, step, weighted, measurement.as_ref());
             navigation.update_standstill(&self.state.log, features.mid_stamp);
             if let Some(matched) = &matched {
                 navigation.add_error(&along_track_error(step, contrast, matched.least_influence));
@@ -517,6 +557,8 @@ struct Estimate {
     matched: Option<Matched>,
     /// See [`Registered::contrast`].
     contrast: Option<f64>,
+    /// The along-track position, where rough surfaces measured it.
+    along_track: Option<AlongTrackMeasurement>,
 }
 
 fn registered(
@@ -544,16 +586,4 @@ fn registered(
 fn is_measured(matched: Option<&Matched>, contrast: Option<f64>) -> bool {
     matched.is_some_and(|matched| matched.n_degenerate_directions == 0)
         && contrast.is_none_or(|contrast| contrast >= MIN_CONTRAST)
-}
-
-fn is_plausible(matched: &Matched) -> bool {
-    let has_enough = matched.n_matches as f64 >= MIN_MATCHED_SHARE * matched.n_features as f64;
-    has_enough && matched.converged && matched.rms_m <= MAX_RMS_M
-}
-
-fn is_reachable(mid: &Pose, predicted: &Pose, seconds: f64) -> bool {
-    let jump_m = (mid.translation.vector - predicted.translation.vector).norm();
-    let jump_rad = mid.rotation.angle_to(&predicted.rotation);
-    let square = seconds * seconds;
-    jump_m <= JUMP_SLACK_M + MAX_JUMP_MPS2 * square && jump_rad <= JUMP_SLACK_RAD + MAX_JUMP_RADPS2 * square
 }

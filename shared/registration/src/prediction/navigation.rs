@@ -255,6 +255,13 @@ impl Navigation {
         PredictedPose { mid: lidar.pose(&self.displacement, &self.rotation), information, sources }
     }
 
+    /// Variance of the predicted position of the LiDAR along a unit vector (odom axes), m^2. `from` is its pose at the
+    /// start of the step.
+    pub fn step_variance(&self, mounting: &SensorMounting, from: &Pose, direction: &Vector3<f64>) -> f64 {
+        let covariance = LidarStep::new(mounting, from, &self.rotation).covariance(&self.covariance);
+        direction.dot(&(covariance.fixed_view::<3, 3>(0, 0) * direction))
+    }
+
     /// Keeps the velocity at the start of a step.
     fn remember_velocity(&mut self, stamp: Stamp) {
         self.recent_velocities.retain(|recent| stamp.seconds_since(recent.stamp) < RECENT_S);
