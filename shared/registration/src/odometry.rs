@@ -29,7 +29,7 @@ use geometry::{Pose, Stamp, Vector3};
 use initialization::{InitialMotion, initialize};
 use nalgebra::{Matrix6, Point3};
 use serde::{Deserialize, Serialize};
-use weak_track::{AlongTrackMeasurement, AlongTrackPrior, WeakTrack};
+use weak_track::{AlongTrackMeasurement, AlongTrackPrior, MatchedSweep, WeakTrack};
 
 /// Settings of all steps. Each part documents its defaults.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -348,7 +348,8 @@ impl Odometry {
         let contrast = found.as_ref().and_then(|found| {
             along_track_contrast(&forward, samples, &self.maps, &found.matched.motion, &self.settings.matching)
         });
-        if contrast.is_some_and(|contrast| contrast < MIN_CONTRAST) && predicted.sources.is_any() {
+        let is_contested = contrast.is_some_and(|contrast| contrast < MIN_CONTRAST) && predicted.sources.is_any();
+        if is_contested {
             along_track = None;
             let undisputed = without_along_track_features(&forward, samples);
             let settings = MatchSettings { min_influence: UNDISPUTED_INFLUENCE, ..self.settings.matching.clone() };
@@ -371,7 +372,8 @@ impl Odometry {
 
         // 8. Filter, moving objects and map.
         let matched = found.map(|found| found.matched);
-        self.state.weak_track.update(matched.as_ref(), contrast, &(motion.mid.rotation * forward));
+        let forward = motion.mid.rotation * forward;
+        self.state.weak_track.update(&MatchedSweep { matched: matched.as_ref(), forward, is_contested });
         let estimate = Estimate { motion, matched, contrast, along_track };
         self.update(features, sweep, estimate, last, &predicted)
     }

@@ -6,7 +6,6 @@
 
 use crate::matching::rough_overlap::Overlap;
 use crate::matching::{Matched, Prediction};
-use crate::observability::along_track::MIN_CONTRAST;
 use crate::prediction::navigation::{PredictedPose, StepMeasurement};
 use geometry::Pose;
 use nalgebra::{Matrix6, Vector3, Vector6};
@@ -46,19 +45,27 @@ impl WeakTrack {
         self.n_matched >= MIN_MATCHED && self.n_weak >= MIN_WEAK
     }
 
-    /// Adds the match of a sweep, and its contrast. `forward` is a unit vector, odom axes. A sweep without a match starts anew. In
-    /// contested motion, traffic may be most of the scene.
-    pub fn update(&mut self, matched: Option<&Matched>, contrast: Option<f64>, forward: &Vector3<f64>) {
+    /// Adds the match of a sweep. A sweep without a match starts anew.
+    pub fn update(&mut self, MatchedSweep { matched, forward, is_contested }: &MatchedSweep<'_>) {
         let Some(matched) = matched else {
             *self = Self::default();
             return;
         };
         self.n_matched = self.n_matched.saturating_add(1);
         let limit = if self.n_weak > 0 { END_INFLUENCE } else { START_INFLUENCE };
-        let is_contested = contrast.is_some_and(|contrast| contrast < MIN_CONTRAST);
         let is_weak = along_track_influence(matched, forward) < limit && !is_contested;
         self.n_weak = if is_weak { self.n_weak.saturating_add(1) } else { 0 };
     }
+}
+
+/// A sweep after its match.
+pub(crate) struct MatchedSweep<'a> {
+    /// `None` without a match.
+    pub matched: Option<&'a Matched>,
+    /// Direction of travel, unit vector, odom axes.
+    pub forward: Vector3<f64>,
+    /// Whether surrounding traffic makes the motion ambiguous, so that other sensors determine it.
+    pub is_contested: bool,
 }
 
 /// Mean squared influence of the along-track position on the residuals where all other directions are free, 0 to 1/3.
@@ -173,19 +180,21 @@ mod tests {
     struct Results {
         /// `None` without a match.
         influence: Option<f64>,
-        contrast: Option<f64>,
+        is_contested: bool,
     }
 
     fn after(sweeps: &[Results]) -> WeakTrack {
         let mut track = WeakTrack::default();
-        for Results { influence, contrast } in sweeps {
-            track.update(influence.map(matched).as_ref(), *contrast, &Vector3::x());
+        for Results { influence, is_contested } in sweeps {
+            let matched = influence.map(matched);
+            let is_contested = *is_contested;
+            track.update(&MatchedSweep { matched: matched.as_ref(), forward: Vector3::x(), is_contested });
         }
         track
     }
 
-    const WEAK: Results = Results { influence: Some(0.005), contrast: None };
-    const STREET: Results = Results { influence: Some(0.05), contrast: Some(0.5) };
+    const WEAK: Results = Results { influence: Some(0.005), is_contested: false };
+    const STREET: Results = Results { influence: Some(0.05), is_contested: false };
 
     #[test]
     fn influence_is_the_share_of_the_direction() {
@@ -204,8 +213,8 @@ mod tests {
 
     #[test]
     fn measurements_end_at_a_gap_in_a_street_and_in_traffic() {
-        let gap = Results { influence: None, contrast: None };
-        let traffic = Results { contrast: Some(0.0), ..WEAK };
+        let gap = Results { influence: None, is_contested: false };
+        let traffic = Results { is_contested: true, ..WEAK };
         for end in [gap, STREET, traffic] {
             assert!(!after(&[&[WEAK; 20][..], &[end]].concat()).is_measurable(), "{end:?}");
         }
