@@ -348,8 +348,8 @@ impl Odometry {
         let contrast = found.as_ref().and_then(|found| {
             along_track_contrast(&forward, samples, &self.maps, &found.matched.motion, &self.settings.matching)
         });
-        let is_contested = contrast.is_some_and(|contrast| contrast < MIN_CONTRAST) && predicted.sources.is_any();
-        if is_contested {
+        let is_contested = contrast.is_some_and(|contrast| contrast < MIN_CONTRAST);
+        if is_contested && predicted.sources.is_any() {
             along_track = None;
             let undisputed = without_along_track_features(&forward, samples);
             let settings = MatchSettings { min_influence: UNDISPUTED_INFLUENCE, ..self.settings.matching.clone() };
@@ -373,7 +373,8 @@ impl Odometry {
         // 8. Filter, moving objects and map.
         let matched = found.map(|found| found.matched);
         let forward = motion.mid.rotation * forward;
-        self.state.weak_track.update(&MatchedSweep { matched: matched.as_ref(), forward, is_contested });
+        let is_left_to_receiver = is_contested && predicted.sources.receiver;
+        self.state.weak_track.update(&MatchedSweep { matched: matched.as_ref(), forward, is_left_to_receiver });
         let estimate = Estimate { motion, matched, contrast, along_track };
         self.update(features, sweep, estimate, last, &predicted)
     }

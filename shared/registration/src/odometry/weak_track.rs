@@ -46,14 +46,14 @@ impl WeakTrack {
     }
 
     /// Adds the match of a sweep. A sweep without a match starts anew.
-    pub fn update(&mut self, MatchedSweep { matched, forward, is_contested }: &MatchedSweep<'_>) {
+    pub fn update(&mut self, MatchedSweep { matched, forward, is_left_to_receiver }: &MatchedSweep<'_>) {
         let Some(matched) = matched else {
             *self = Self::default();
             return;
         };
         self.n_matched = self.n_matched.saturating_add(1);
         let limit = if self.n_weak > 0 { END_INFLUENCE } else { START_INFLUENCE };
-        let is_weak = along_track_influence(matched, forward) < limit && !is_contested;
+        let is_weak = along_track_influence(matched, forward) < limit && !is_left_to_receiver;
         self.n_weak = if is_weak { self.n_weak.saturating_add(1) } else { 0 };
     }
 }
@@ -64,8 +64,8 @@ pub(crate) struct MatchedSweep<'a> {
     pub matched: Option<&'a Matched>,
     /// Direction of travel, unit vector, odom axes.
     pub forward: Vector3<f64>,
-    /// Whether surrounding traffic makes the motion ambiguous, so that other sensors determine it.
-    pub is_contested: bool,
+    /// Whether surrounding traffic makes the motion ambiguous, and a GNSS receiver measures the speed.
+    pub is_left_to_receiver: bool,
 }
 
 /// Mean squared influence of the along-track position on the residuals where all other directions are free, 0 to 1/3.
@@ -180,21 +180,21 @@ mod tests {
     struct Results {
         /// `None` without a match.
         influence: Option<f64>,
-        is_contested: bool,
+        is_left_to_receiver: bool,
     }
 
     fn after(sweeps: &[Results]) -> WeakTrack {
         let mut track = WeakTrack::default();
-        for Results { influence, is_contested } in sweeps {
+        for Results { influence, is_left_to_receiver } in sweeps {
             let matched = influence.map(matched);
-            let is_contested = *is_contested;
-            track.update(&MatchedSweep { matched: matched.as_ref(), forward: Vector3::x(), is_contested });
+            let is_left_to_receiver = *is_left_to_receiver;
+            track.update(&MatchedSweep { matched: matched.as_ref(), forward: Vector3::x(), is_left_to_receiver });
         }
         track
     }
 
-    const WEAK: Results = Results { influence: Some(0.005), is_contested: false };
-    const STREET: Results = Results { influence: Some(0.05), is_contested: false };
+    const WEAK: Results = Results { influence: Some(0.005), is_left_to_receiver: false };
+    const STREET: Results = Results { influence: Some(0.05), is_left_to_receiver: false };
 
     #[test]
     fn influence_is_the_share_of_the_direction() {
@@ -213,8 +213,8 @@ mod tests {
 
     #[test]
     fn measurements_end_at_a_gap_in_a_street_and_in_traffic() {
-        let gap = Results { influence: None, is_contested: false };
-        let traffic = Results { is_contested: true, ..WEAK };
+        let gap = Results { influence: None, is_left_to_receiver: false };
+        let traffic = Results { is_left_to_receiver: true, ..WEAK };
         for end in [gap, STREET, traffic] {
             assert!(!after(&[&[WEAK; 20][..], &[end]].concat()).is_measurable(), "{end:?}");
         }
