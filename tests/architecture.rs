@@ -267,6 +267,7 @@ fn crates_behind_a_step_deny_clocks_files_and_environment() {
         "recording",
         "acquisition",
         "surveying",
+        "scene",
         "import",
         "rig",
         "simulation",

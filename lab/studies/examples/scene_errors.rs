@@ -199,9 +199,9 @@ fn removal(run: &RunFolder, boxes: &Boxes, drive: &Drive) -> anyhow::Result<()> 
             }
         })?;
     }
-    left.iter().for_each(|((class, is_person), n)| {
-        println!("  left as {class}: {n}{}", if *is_person { " of people" } else { "" })
-    });
+    for ((class, is_person), n) in &left {
+        println!("  left as {class}: {n}{}", if *is_person { " of people" } else { "" });
+    }
     println!(
         "objects: {n_objects} points, {:.2} % left; static world: {n_static} points, {:.2} % lost",
         100.0 * n_left as f64 / n_objects as f64,

@@ -35,7 +35,7 @@ impl MessageSubscriber {
         let is_there = self.service.dynamic_config().number_of_publishers() > 0;
         match self.port.update_connections() {
             Ok(()) => Ok(is_there),
-            Err(cause) if is_of_dead_producer(&cause) => Ok(false),
+            Err(cause) if is_of_dead_producer(cause) => Ok(false),
             Err(cause) => Err(IpcError::transport(format!("connecting to {}", channel.name), cause)),
         }
     }
@@ -44,7 +44,7 @@ impl MessageSubscriber {
     pub(crate) fn receive(&self) -> Result<Option<ReceivedSlot>, ReceiveError> {
         match self.port.receive() {
             Ok(sample) => Ok(sample.map(ReceivedSlot::new)),
-            Err(ReceiveError::ConnectionFailure(cause)) if is_of_dead_producer(&cause) => Ok(None),
+            Err(ReceiveError::ConnectionFailure(cause)) if is_of_dead_producer(cause) => Ok(None),
             Err(cause) => Err(cause),
         }
     }
@@ -52,6 +52,6 @@ impl MessageSubscriber {
 
 /// Whether the memory of a producer is gone that is still in the list: it was killed, and is being removed. Its successor changes the list
 /// again, so that the next call connects to it.
-fn is_of_dead_producer(cause: &ConnectionFailure) -> bool {
+fn is_of_dead_producer(cause: ConnectionFailure) -> bool {
     matches!(cause, ConnectionFailure::UnableToMapSendersDataSegment(SharedMemoryOpenError::DoesNotExist))
 }

@@ -9,7 +9,7 @@
 //! | glTF, 3D Tiles, points | `glb`, `tileset`, `static_points` |
 //! | tiles of 50 m, written when no later cloud reaches them or their neighbors | `tile`, `writing` |
 //!
-//! Coordinates are those of the clouds of the run: x east, y north, z up, m. This crate never changes the run. It invents nothing without
+//! Coordinates are in the frame of the clouds of the run: x east, y north, z up, m. This crate never changes the run. It invents nothing without
 //! saying so: what was not measured has a score below 1.
 //!
 //! The same run gives the same bytes, for any number of threads. Memory holds the tiles that the LiDAR still sees, and 13 MB for each

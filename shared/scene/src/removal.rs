@@ -21,7 +21,7 @@ pub enum Removed {
 pub struct RemovedPoints {
     /// On moving objects.
     pub moving: u64,
-    /// Of vehicles and people that stand.
+    /// Points of vehicles and people that stand.
     pub movable: u64,
 }
 

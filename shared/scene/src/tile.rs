@@ -85,6 +85,7 @@ impl Vertex {
     }
 
     /// A vertex this many steps to the east and to the north.
+    #[must_use]
     pub fn plus(self, x: i64, y: i64) -> Self {
         Self { x: self.x + x, y: self.y + y }
     }

@@ -59,9 +59,9 @@ pub struct SceneSummary {
     pub triangles: u64,
     /// The road network.
     pub roads: RoadSummary,
-    /// Objects that can move, and how many of them moved.
+    /// Number of the objects that can move.
     pub movable: usize,
-    /// Of these, objects that moved.
+    /// Number of the objects that moved.
     pub moving: usize,
     /// Fixed objects by class.
     pub fixed: BTreeMap<&'static str, usize>,
@@ -92,13 +92,12 @@ pub fn write_scene(
         run.each_point(entry, |point| {
             writer.summary.points += 1;
             assets.add(point);
-            match removed(point, &boxes) {
-                Some(reason) => writer.summary.removed.count(reason),
-                None => {
-                    writer.ground.add(point);
-                    writer.strips.add(point);
-                    writer.points.add(point);
-                }
+            if let Some(reason) = removed(point, &boxes) {
+                writer.summary.removed.count(reason);
+            } else {
+                writer.ground.add(point);
+                writer.strips.add(point);
+                writer.points.add(point);
             }
         })?;
         writer.write_complete(number)?;
@@ -111,7 +110,9 @@ pub fn write_scene(
     summary.roads = roads;
     summary.movable = movable.len();
     summary.moving = movable.iter().filter(|object| object.moves).count();
-    fixed.iter().for_each(|object| *summary.fixed.entry(object.class).or_default() += 1);
+    for object in &fixed {
+        *summary.fixed.entry(object.class).or_default() += 1;
+    }
     summary.left_out = left_out(run, &summary);
     let objects = Objects { movable: &movable, fixed: &fixed };
     for (name, text) in [
@@ -153,7 +154,7 @@ fn left_out(run: &RunFolder, summary: &SceneSummary) -> Vec<String> {
     let clouds = &run.index.clouds;
     add(
         clouds.iter().all(|entry| entry.n_colored.unwrap_or(0) == 0),
-        "colors: the run has none, so the ground is gray",
+        "colors: no camera saw the points of the run, so the ground is gray",
     );
     add(
         clouds.iter().all(|entry| entry.n_instances.is_none()),
@@ -236,9 +237,9 @@ impl<'a> Writer<'a> {
             tile.block().all(|near| is_complete(&near) && !waiting.contains(&near))
         };
         let mut waiting = self.waiting.clone();
-        ready.iter().for_each(|tile| {
+        for tile in &ready {
             waiting.remove(tile);
-        });
+        }
         let forgotten: Vec<Tile> = self.kept.iter().copied().filter(|tile| unneeded(&waiting, tile)).collect();
         for tile in ready {
             self.write(tile)?;

@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 
 /// Longest distance to measured ground, m: the length of a lorry's half. Farther away, a surface would be invented.
 const REACH_M: f64 = 8.0;
-/// The same in steps of the lattice.
+/// The longest distance in steps of the lattice.
 const REACH: i64 = (REACH_M / STEP_M) as i64;
 /// Difference in height of the two ends of a gap along the street, m, and for each meter of gap: kerbs that begin, and slopes of streets.
 const MAX_STEP_M: f64 = 0.05;
@@ -23,7 +23,7 @@ const MIN_SIDES: usize = 3;
 
 /// East, north, west, south, then the diagonals.
 const DIRECTIONS: [[i64; 2]; 8] = [[1, 0], [0, 1], [-1, 0], [0, -1], [1, 1], [-1, 1], [-1, -1], [1, -1]];
-/// Of these, the four sides.
+/// The first directions are the four sides.
 const N_SIDES: usize = 4;
 
 /// Vertices along the side of a completed tile, with both borders.
@@ -270,7 +270,9 @@ mod tests {
                 if hidden(place[0]) && (20.0..22.0).contains(&y) { GroundVertex::UNKNOWN } else { street(place) }
             })
         };
-        [TILE, east].into_iter().for_each(|tile| completion.insert(tile, vertices(tile)));
+        for tile in [TILE, east] {
+            completion.insert(tile, vertices(tile));
+        }
         let [left, right] = [TILE, east].map(|tile| completion.complete(tile, |_| Some(DIRECTION)));
         for y in 0..SIDE {
             let [a, b] = [left.vertices[y * SIDE + STEPS], right.vertices[y * SIDE]];

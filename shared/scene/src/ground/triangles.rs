@@ -22,7 +22,7 @@ impl Corner {
     }
 
     fn middle(self, other: Self) -> Self {
-        Self { x: (self.x + other.x) / 2, y: (self.y + other.y) / 2 }
+        Self { x: usize::midpoint(self.x, other.x), y: usize::midpoint(self.y, other.y) }
     }
 
     fn is_on_border(self) -> bool {
@@ -65,10 +65,14 @@ pub fn triangles(vertices: &[GroundVertex], tolerance_m: f32) -> Vec<[u32; 3]> {
     let mut errors = vec![0.0_f32; vertices.len()];
     // Two triangles share a hypotenuse: its error is complete before larger triangles use it.
     for level in (0..LEVELS).rev() {
-        Half::both().into_iter().for_each(|half| measure(half, level, vertices, &mut errors));
+        for half in Half::both() {
+            measure(half, level, vertices, &mut errors);
+        }
     }
     let mut found = Vec::new();
-    Half::both().into_iter().for_each(|half| collect(half, vertices, &errors, tolerance_m, &mut found));
+    for half in Half::both() {
+        collect(half, vertices, &errors, tolerance_m, &mut found);
+    }
     found
 }
 

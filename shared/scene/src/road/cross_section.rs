@@ -7,7 +7,7 @@ use super::strip::{BIN_M, Bin, N_BINS, RoadStrips, left_of_bin};
 pub const SECTION_STATIONS: usize = 10;
 /// Stations before and after a cross section that determine its edges and height: 2.5 m.
 const EDGE_STATIONS: usize = 5;
-/// The same for markings: 10 m, so that a gap between dashes does not end a marking.
+/// Stations before and after it that determine its markings: 10 m, so that a gap between dashes does not end a marking.
 const MARK_STATIONS: usize = 20;
 
 /// A bin with fewer points is unknown.

@@ -15,10 +15,10 @@ const WHEELS_M: f64 = 0.5;
 /// The side on which one drives.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Traffic {
-    /// As on the European continent.
+    /// The rule on the European continent.
     #[default]
     Right,
-    /// As in Britain.
+    /// The rule in Britain.
     Left,
 }
 
@@ -106,7 +106,7 @@ enum Role {
 /// Lane sections of a road. Parts where the path is on no road are left out: each run of cross sections with edges is a list of its own.
 pub fn lane_sections(sections: &[CrossSection], traffic: Traffic) -> Vec<Vec<LaneSection>> {
     let runs = sections.split(|section| section.sides.is_none()).filter(|run| run.len() > 1);
-    runs.map(|run| sections_of_run(run.iter().filter_map(profile).collect(), traffic)).collect()
+    runs.map(|run| sections_of_run(&run.iter().filter_map(profile).collect::<Vec<_>>(), traffic)).collect()
 }
 
 fn profile(section: &CrossSection) -> Option<Profile> {
@@ -146,7 +146,7 @@ fn continues(a: &Profile, b: &Profile) -> bool {
     a.lines.len() == b.lines.len() && a.lines.iter().zip(&b.lines).all(is_same)
 }
 
-fn sections_of_run(profiles: Vec<Profile>, traffic: Traffic) -> Vec<LaneSection> {
+fn sections_of_run(profiles: &[Profile], traffic: Traffic) -> Vec<LaneSection> {
     let chunks: Vec<&[Profile]> = profiles.chunk_by(continues).collect();
     let mut found: Vec<LaneSection> = chunks.iter().map(|chunk| section(chunk, traffic)).collect();
     // A section ends where the next one starts. Boundaries that go on meet there.
@@ -247,7 +247,7 @@ mod tests {
         let runs = lane_sections(&sections, Traffic::Right);
         let [run] = &runs[..] else { panic!("{runs:?}") };
         let [lanes] = &run[..] else { panic!("{run:?}") };
-        // Outer edge of the sidewalk, kerb, center line, kerb; the line at the right edge is no boundary.
+        // Outer edge of the sidewalk, kerb, center line, kerb; the line at the right edge is not a boundary.
         assert_eq!(lanes.boundaries.iter().map(|b| b.left_m[0]).collect::<Vec<_>>(), [-5.2, -3.2, 1.6, 4.9]);
         assert_eq!((lanes.center, lanes.boundaries[2].mark), (2, Mark::Broken));
         let ids: Vec<(i32, LaneKind)> = lanes.lanes.iter().map(|lane| (lane.id, lane.kind)).collect();

@@ -1,6 +1,6 @@
 //! Roads as ASAM OpenDRIVE 1.7.
 //!
-//! Coordinates are those of the clouds: x east, y north, z up. The reference line is the smoothed path of the vehicle; a lane offset moves the
+//! Coordinates are in the frame of the clouds: x east, y north, z up. The reference line is the smoothed path of the vehicle; a lane offset moves the
 //! lanes to the boundary between the directions.
 
 use super::cross_section::{CrossSection, along_m, cross_sections};
