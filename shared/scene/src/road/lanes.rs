@@ -9,6 +9,8 @@ const MAX_LANE_M: f64 = 5.0;
 const LANE_M: f64 = 3.25;
 /// Boundaries of neighboring cross sections are one line if they differ by less, m.
 const SAME_LINE_M: f64 = 0.7;
+/// Least width of a lane where it ends, m.
+const MIN_LANE_M: f64 = 0.1;
 /// Half of a lane, m: the boundary to the left of the path is farther away than the wheels of the vehicle.
 const WHEELS_M: f64 = 0.5;
 
@@ -154,17 +156,30 @@ fn sections_of_run(profiles: &[Profile], traffic: Traffic) -> Vec<LaneSection> {
         let (before, after) = found.split_at_mut(number);
         let (Some(section), Some(next)) = (before.last_mut(), after.first()) else { continue };
         section.along_m.extend(next.along_m.first());
-        for boundary in &mut section.boundaries {
-            let last_m = boundary.left_m.last().copied().unwrap_or_default();
-            let is_like = |other: &&Boundary| (other.mark == Mark::Edge) == (boundary.mark == Mark::Edge);
-            let starts = next.boundaries.iter().filter(is_like).filter_map(|other| other.left_m.first().copied());
-            let nearest = starts.min_by(|a, b| (a - last_m).abs().total_cmp(&(b - last_m).abs()));
-            boundary.left_m.push(nearest.filter(|at| (at - last_m).abs() < SAME_LINE_M).unwrap_or(last_m));
+        let ends = ends(section, next);
+        for (boundary, end_m) in section.boundaries.iter_mut().zip(ends) {
+            boundary.left_m.push(end_m);
         }
     }
     // A single cross section at the end has no length: the section before ends there.
     found.retain(|section| section.along_m.len() > 1);
     found
+}
+
+/// Places where the boundaries of a section end: where the next section has a line of their kind nearby, else where they are. All stay
+/// where they are if they would cross.
+fn ends(section: &LaneSection, next: &LaneSection) -> Vec<f64> {
+    let last = |boundary: &Boundary| boundary.left_m.last().copied().unwrap_or_default();
+    let end = |boundary: &Boundary| {
+        let last_m = last(boundary);
+        let is_like = |other: &&Boundary| (other.mark == Mark::Edge) == (boundary.mark == Mark::Edge);
+        let starts = next.boundaries.iter().filter(is_like).filter_map(|other| other.left_m.first().copied());
+        let nearest = starts.min_by(|a, b| (a - last_m).abs().total_cmp(&(b - last_m).abs()));
+        nearest.filter(|at| (at - last_m).abs() < SAME_LINE_M).unwrap_or(last_m)
+    };
+    let ends: Vec<f64> = section.boundaries.iter().map(end).collect();
+    let is_ordered = ends.windows(2).all(|pair| pair[1] - pair[0] > MIN_LANE_M);
+    if is_ordered { ends } else { section.boundaries.iter().map(last).collect() }
 }
 
 fn section(profiles: &[Profile], traffic: Traffic) -> LaneSection {
@@ -256,6 +271,19 @@ mod tests {
         let left = lane_sections(&sections, Traffic::Left);
         // The vehicle drives at the left: the center is to its right.
         assert_eq!(left[0][0].center, 1);
+    }
+
+    #[test]
+    fn boundaries_that_would_cross_end_where_they_are() {
+        let boundary = |left_m: f64| Boundary { left_m: vec![left_m], mark: Mark::None };
+        let with = |lines: &[f64]| LaneSection {
+            along_m: vec![0.0],
+            boundaries: lines.iter().copied().map(boundary).collect(),
+            center: 0,
+            lanes: Vec::new(),
+        };
+        assert_eq!(ends(&with(&[-3.0, 0.0, 3.0]), &with(&[-2.8, 0.9, 3.1])), [-2.8, 0.0, 3.1]);
+        assert_eq!(ends(&with(&[-3.0, -2.5, 3.0]), &with(&[-2.7, 3.1])), [-3.0, -2.5, 3.0]);
     }
 
     #[test]

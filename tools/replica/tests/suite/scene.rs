@@ -88,8 +88,8 @@ fn run_that_cannot_become_a_scene_is_refused_with_the_reason() {
 #[test]
 fn doubts_of_the_run_are_repeated() {
     let folder = tempfile::tempdir().expect("a folder");
-    let doubt =
-        json!([{"name": "position_uncertain", "text": "horizontal position of the submaps uncertain", "values": {}}]);
+    let text_of_doubt = "horizontal position of the submaps uncertain";
+    let doubt = json!([{ "name": "position_uncertain", "size": 7.0, "text": text_of_doubt }]);
     let (run, _) = run_with_doubts(folder.path(), &doubt);
     let made = replica(&["scene", text(&run), "--out", text(&folder.path().join("scene"))]);
     assert!(printed(&made).contains("the run is doubtful: [export] horizontal position"), "{}", printed(&made));
