@@ -16,7 +16,7 @@ use std::process::ExitCode;
 /// Prints each value with its difference from drive.toml and its standard deviation, and the values that the drive does not
 /// determine. Values that differ by more than two standard deviations are replaced. Without --out nothing is written.
 ///
-/// With a post-processed path ([trajectory] in drive.toml), the mounting of the LiDAR follows from surfaces that it passes several
+/// With a post-processed path, which drive.toml names, the mounting of the LiDAR follows from surfaces that it passes several
 /// times. Roll and heading need passes in opposite directions.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage\n\n\
