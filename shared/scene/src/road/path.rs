@@ -41,7 +41,7 @@ impl Station {
 /// A street that was driven.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DrivenRoad {
-    /// Stations every [`STATION_M`].
+    /// Stations every 0.5 m.
     pub stations: Vec<Station>,
 }
 
