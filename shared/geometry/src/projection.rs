@@ -4,7 +4,7 @@ use crate::Geodetic;
 use proj4rs::Proj;
 use proj4rs::transform::transform;
 
-/// A map projection, and the geographic coordinates of the positions. Without [`Projection::shifted`] there is no shift between datums:
+/// A map projection, and the geographic coordinates of the positions. Only [`Projection::shifted`] changes the datum:
 /// positions keep the datum of the receiver.
 #[derive(Debug)]
 pub struct Projection {

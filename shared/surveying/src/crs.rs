@@ -173,7 +173,7 @@ impl Crs {
     }
 
     /// Up to 8 systems whose area of use contains a position and that need no grid: WGS 84 / UTM and ETRS89 / UTM of its zone, then the
-    /// systems with the smallest areas. Near the poles, there is no UTM.
+    /// systems with the smallest areas. UTM ends before the poles.
     pub fn containing(place: &Geodetic) -> Vec<Self> {
         let utm = Utm::from_geodetic(place).ok();
         let zones: Vec<u32> =
