@@ -304,34 +304,38 @@ impl Odometry {
         //    motion between the two poses is the motion during the sweep, which deskews it. Where the last matches hardly
         //    constrained the along-track position, rough surfaces measure it.
         let predicted = self.predict(last, features.mid_stamp);
-        let prediction = self.match_prediction(features, last, &predicted, seconds);
-        let by_sensors = prediction;
-        let mut along_track = self.along_track_measurement(features, last, &predicted, &prediction.motion);
-        let prediction = along_track.as_ref().map_or(prediction, |measured| measured.applied_to(&prediction));
+        let by_sensors = self.match_prediction(features, last, &predicted, seconds);
+        let measured = self.along_track_measurement(features, last, &predicted, &by_sensors.motion);
 
         // 2. Sampling (III-C): evenly in space during feature extraction, or nine lists near the map at the predicted
         //   pose.
         let near_map = match self.settings.matching.sampling {
-            Sampling::NineLists { .. } => Some(self.near_map(features, &prediction.motion)),
+            Sampling::NineLists { .. } => Some(self.near_map(features, &by_sensors.motion)),
             Sampling::Even { .. } => None,
         };
         let samples = near_map.as_ref().unwrap_or(&features.matching);
 
         // 3. Matching (III-D, equations 1 to 5). Planar features first. If they leave a direction nearly unconstrained,
         //   rough features are added.
-        let matching = |samples| match_features(samples, &self.maps, &prediction, &self.settings.matching);
+        let matching = |samples, prediction| match_features(samples, &self.maps, prediction, &self.settings.matching);
         let is_poor = |found: &Option<Match>| {
             found.as_ref().is_none_or(|found| found.matched.least_influence < self.settings.matching.rough_below)
         };
-        let mut matched_by = if along_track.is_some() { &features.with_rough } else { samples };
-        let mut found = matching(matched_by);
-        if along_track.is_none()
-            && near_map.is_none()
-            && is_poor(&found)
-            && features.with_rough.len() > features.matching.len()
-        {
+        let mut matched_by = samples;
+        let mut found = matching(matched_by, &by_sensors);
+        if near_map.is_none() && is_poor(&found) && features.with_rough.len() > features.matching.len() {
             matched_by = &features.with_rough;
-            found = matching(matched_by);
+            found = matching(matched_by, &by_sensors);
+        }
+        //   A match that contradicts the overlap follows vehicles that move along: the overlap decides.
+        let is_refuted = |measured: &AlongTrackMeasurement| {
+            found.as_ref().is_none_or(|found| measured.refutes(&by_sensors.motion, &found.matched.motion))
+        };
+        let mut along_track = measured.filter(is_refuted);
+        let prediction = along_track.as_ref().map_or(by_sensors, |measured| measured.applied_to(&by_sensors));
+        if along_track.is_some() {
+            matched_by = &features.with_rough;
+            found = matching(matched_by, &prediction);
         }
 
         // 4. Acceptance: the match must have converged with enough small residuals, within the acceleration limits of a

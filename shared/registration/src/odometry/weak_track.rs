@@ -4,6 +4,7 @@
 //! Guard rails, noise walls and the road constrain the other directions. What is left along the track are vehicles that move along
 //! and errors of normals: the match then believes that the vehicle stands.
 
+use crate::SweepMotion;
 use crate::matching::rough_overlap::Overlap;
 use crate::matching::{Matched, Prediction};
 use crate::prediction::navigation::{PredictedPose, StepMeasurement};
@@ -27,6 +28,8 @@ const MAP_ERROR_M: f64 = 0.1;
 const REACH_SIGMAS: f64 = 3.0;
 const MORE_REACH_M: f64 = 0.2;
 const MAX_REACH_M: f64 = 1.0;
+/// Difference of a match from the overlap above which the overlap decides, in standard deviations of the overlap.
+const REFUTED_SIGMAS: f64 = 2.0;
 /// Weight of the measured position in a match, as a multiple of its information: the match does not move it.
 const HOLD: f64 = 100.0;
 /// Information of a measurement on the error that remains over a drive, as a multiple of its information: the map stays.
@@ -117,6 +120,13 @@ impl AlongTrackMeasurement {
         Self { along: pose_step(forward), prior, overlap }
     }
 
+    /// Whether a match is farther along the track from the measured position than both explain.
+    pub fn refutes(&self, predicted: &SweepMotion, matched: &SweepMotion) -> bool {
+        let shift = matched.mid.translation.vector - predicted.mid.translation.vector;
+        let along_m = self.along.fixed_rows::<3>(0).dot(&shift);
+        (along_m - self.overlap.shift_m).abs() > REFUTED_SIGMAS * self.overlap.sigma_m
+    }
+
     fn square(&self) -> Matrix6<f64> {
         self.along * self.along.transpose()
     }
@@ -155,7 +165,6 @@ impl AlongTrackMeasurement {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::SweepMotion;
 
     /// A match in which the along-track direction has this influence.
     fn matched(influence: f64) -> Matched {

@@ -168,7 +168,6 @@ fn ring_angles_of_a_poor_unit_come_nearer_to_the_truth() {
     let rest: Vec<f64> = truth.iter().zip(&corrections).map(|(truth, correction)| truth - correction).collect();
     let before = rms(&detrended(&truth));
     let after = rms(&detrended(&rest));
-    // One ring of this unit is determined: 0.82 of the error remains on the path of 2026-11-29, less than 0.8 on an earlier one.
-    assert!(after < 0.85 * before, "{after} after {before} degrees: {corrections:?}");
+    assert!(after < 0.8 * before, "{after} after {before} degrees: {corrections:?}");
     assert_eq!(find_change(&found, "lidar", "elevation of all rings").outcome, Outcome::NotObservable);
 }
