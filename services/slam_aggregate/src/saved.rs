@@ -9,7 +9,7 @@ use stage::{Bytes, Outputs, StepError};
 use std::borrow::Cow;
 
 /// Incremented when the layout of [`Saved`] or the meaning of a field changes.
-pub(crate) const STATE_VERSION: u32 = 16;
+pub(crate) const STATE_VERSION: u32 = 17;
 
 /// The state on which the next tick depends: the state of the odometry (at most 4.3 MB with default settings and 32
 /// rings; 72 MB more with `odometry = "imls"`) and up to 80 kB for each place that is kept for loop closures. Two parts

@@ -2,6 +2,7 @@
 
 mod acceptance;
 pub(crate) mod initialization;
+mod settings;
 mod weak_track;
 
 use crate::features::sampling::sampled;
@@ -21,42 +22,16 @@ use crate::self_calibration::ground_tilt::GroundTilt;
 use crate::self_calibration::ring_errors::{RingError, RingErrors};
 use crate::self_calibration::spin_direction::{TurnLever, TurnShare};
 use crate::{
-    Feature, FeatureSettings, GroundVelocity, InertialSample, Kernel, LocalMap, MapSettings, MatchSettings, Matched,
-    Registered, RegistrationError, Revolution, Sampling, SensorMounting, SpinDirection, Sweep, SweepMotion, Weights,
+    Feature, GroundVelocity, InertialSample, Kernel, LocalMap, MatchSettings, Matched, Registered, RegistrationError,
+    Revolution, Sampling, SpinDirection, Sweep, SweepMotion, Weights,
 };
 use acceptance::{is_plausible, is_reachable};
 use geometry::{Pose, Stamp, Vector3};
 use initialization::{InitialMotion, initialize};
 use nalgebra::{Matrix6, Point3};
 use serde::{Deserialize, Serialize};
+pub use settings::OdometrySettings;
 use weak_track::{AlongTrackMeasurement, AlongTrackPrior, MatchedSweep, WeakTrack};
-
-/// Settings of all steps. Each part documents its defaults.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct OdometrySettings {
-    /// Feature selection.
-    pub features: FeatureSettings,
-    /// Extent of the map.
-    pub map: MapSettings,
-    /// Matching.
-    pub matching: MatchSettings,
-    /// Mounting of the sensors.
-    pub mounting: SensorMounting,
-    /// Longest time of a revolution, s, if the spin direction of a sensor without point times is to be determined, see
-    /// [`Odometry::turning`]. `None`: such sweeps are rigid.
-    pub untimed_turn_s: Option<f64>,
-}
-
-impl OdometrySettings {
-    /// Sets another spacing of the map's points, m, and the limits that depend on it.
-    #[must_use]
-    pub fn with_map_spacing(mut self, spacing_m: f64) -> Self {
-        self.features.spacing_m = spacing_m;
-        self.map.spacing_m = spacing_m;
-        self.matching.fine.radius_m = 1.5 * spacing_m;
-        self
-    }
-}
 
 /// Lower limit like [`MatchSettings::min_influence`] for the features that do not face along the track: their only
 /// along-track information comes from the edges of vehicles. Streets have 0.01 to 0.1 along the other directions.
@@ -79,7 +54,7 @@ struct Last {
 
 /// The saved state, see [`Odometry::save`]. Its storage format must preserve the bits of floating-point numbers.
 ///
-/// Size: at most twice [`MapSettings::max_points`] map points of 44 bytes (smooth and rough ones), before the second
+/// Size: at most twice [`MapSettings::max_points`](crate::MapSettings::max_points) map points of 44 bytes (smooth and rough ones), before the second
 /// sweep the features of the first (at most three lists of one feature per range image cell and column step, 52 bytes
 /// each), and the ranges of eight sweeps (2 bytes per ray). That is 7.5 MB with the defaults and 32 rings, and about 4
 /// MB in a street.
@@ -327,11 +302,11 @@ impl Odometry {
             matched_by = &features.with_rough;
             found = matching(matched_by, &by_sensors);
         }
-        //   A match that contradicts the overlap follows vehicles that move along: the overlap decides.
-        let is_refuted = |measured: &AlongTrackMeasurement| {
-            found.as_ref().is_none_or(|found| measured.refutes(&by_sensors.motion, &found.matched.motion))
-        };
-        let mut along_track = measured.filter(is_refuted);
+        //   A match that contradicts the overlap follows vehicles that move along: from there on, the overlap decides.
+        let matched = found.as_ref().map(|found| &found.matched.motion);
+        let weak_track = &self.state.weak_track;
+        let mut along_track =
+            measured.filter(|measured| weak_track.is_decided_by(measured, &by_sensors.motion, matched));
         let prediction = along_track.as_ref().map_or(by_sensors, |measured| measured.applied_to(&by_sensors));
         if along_track.is_some() {
             matched_by = &features.with_rough;
@@ -378,7 +353,12 @@ impl Odometry {
         let matched = found.map(|found| found.matched);
         let forward = motion.mid.rotation * forward;
         let is_left_to_receiver = is_contested && predicted.sources.receiver;
-        self.state.weak_track.update(&MatchedSweep { matched: matched.as_ref(), forward, is_left_to_receiver });
+        self.state.weak_track.update(&MatchedSweep {
+            matched: matched.as_ref(),
+            forward,
+            is_left_to_receiver,
+            is_by_overlap: along_track.is_some(),
+        });
         let estimate = Estimate { motion, matched, contrast, along_track };
         self.update(features, sweep, estimate, last, &predicted)
     }

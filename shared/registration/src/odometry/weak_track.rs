@@ -40,6 +40,8 @@ const DRIFT_SHARE: f64 = 10.0;
 pub(crate) struct WeakTrack {
     n_matched: u32,
     n_weak: u32,
+    /// Whether the overlap refuted a match since the constraint became weak.
+    is_refuted: bool,
 }
 
 impl WeakTrack {
@@ -49,7 +51,7 @@ impl WeakTrack {
     }
 
     /// Adds the match of a sweep. A sweep without a match starts anew.
-    pub fn update(&mut self, MatchedSweep { matched, forward, is_left_to_receiver }: &MatchedSweep<'_>) {
+    pub fn update(&mut self, MatchedSweep { matched, forward, is_left_to_receiver, is_by_overlap }: &MatchedSweep<'_>) {
         let Some(matched) = matched else {
             *self = Self::default();
             return;
@@ -58,6 +60,18 @@ impl WeakTrack {
         let limit = if self.n_weak > 0 { END_INFLUENCE } else { START_INFLUENCE };
         let is_weak = along_track_influence(matched, forward) < limit && !is_left_to_receiver;
         self.n_weak = if is_weak { self.n_weak.saturating_add(1) } else { 0 };
+        self.is_refuted = is_weak && (self.is_refuted || *is_by_overlap);
+    }
+
+    /// Whether the overlap decides instead of the match: it refutes the match, or refuted one earlier in this stretch, and
+    /// the map follows the overlap since. Without a match it decides.
+    pub fn is_decided_by(
+        &self,
+        measured: &AlongTrackMeasurement,
+        predicted: &SweepMotion,
+        matched: Option<&SweepMotion>,
+    ) -> bool {
+        self.is_refuted || matched.is_none_or(|matched| measured.refutes(predicted, matched))
     }
 }
 
@@ -69,6 +83,8 @@ pub(crate) struct MatchedSweep<'a> {
     pub forward: Vector3<f64>,
     /// Whether surrounding traffic makes the motion ambiguous, and a GNSS receiver measures the speed.
     pub is_left_to_receiver: bool,
+    /// Whether the overlap decided on the along-track position.
+    pub is_by_overlap: bool,
 }
 
 /// Mean squared influence of the along-track position on the residuals where all other directions are free, 0 to 1/3.
@@ -121,7 +137,7 @@ impl AlongTrackMeasurement {
     }
 
     /// Whether a match is farther along the track from the measured position than both explain.
-    pub fn refutes(&self, predicted: &SweepMotion, matched: &SweepMotion) -> bool {
+    fn refutes(&self, predicted: &SweepMotion, matched: &SweepMotion) -> bool {
         let shift = matched.mid.translation.vector - predicted.mid.translation.vector;
         let along_m = self.along.fixed_rows::<3>(0).dot(&shift);
         (along_m - self.overlap.shift_m).abs() > REFUTED_SIGMAS * self.overlap.sigma_m
@@ -165,6 +181,7 @@ impl AlongTrackMeasurement {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use geometry::Isometry3;
 
     /// A match in which the along-track direction has this influence.
     fn matched(influence: f64) -> Matched {
@@ -190,20 +207,26 @@ mod tests {
         /// `None` without a match.
         influence: Option<f64>,
         is_left_to_receiver: bool,
+        is_by_overlap: bool,
     }
 
     fn after(sweeps: &[Results]) -> WeakTrack {
         let mut track = WeakTrack::default();
-        for Results { influence, is_left_to_receiver } in sweeps {
+        for Results { influence, is_left_to_receiver, is_by_overlap } in sweeps {
             let matched = influence.map(matched);
             let is_left_to_receiver = *is_left_to_receiver;
-            track.update(&MatchedSweep { matched: matched.as_ref(), forward: Vector3::x(), is_left_to_receiver });
+            track.update(&MatchedSweep {
+                matched: matched.as_ref(),
+                forward: Vector3::x(),
+                is_left_to_receiver,
+                is_by_overlap: *is_by_overlap,
+            });
         }
         track
     }
 
-    const WEAK: Results = Results { influence: Some(0.005), is_left_to_receiver: false };
-    const STREET: Results = Results { influence: Some(0.05), is_left_to_receiver: false };
+    const WEAK: Results = Results { influence: Some(0.005), is_left_to_receiver: false, is_by_overlap: false };
+    const STREET: Results = Results { influence: Some(0.05), is_left_to_receiver: false, is_by_overlap: false };
 
     #[test]
     fn influence_is_the_share_of_the_direction() {
@@ -222,13 +245,33 @@ mod tests {
 
     #[test]
     fn measurements_end_at_a_gap_in_a_street_and_in_traffic() {
-        let gap = Results { influence: None, is_left_to_receiver: false };
+        let gap = Results { influence: None, is_left_to_receiver: false, is_by_overlap: false };
         let traffic = Results { is_left_to_receiver: true, ..WEAK };
         for end in [gap, STREET, traffic] {
             assert!(!after(&[&[WEAK; 20][..], &[end]].concat()).is_measurable(), "{end:?}");
         }
         let less_weak = Results { influence: Some(0.02), ..WEAK };
         assert!(after(&[&[WEAK; 20][..], &[less_weak]].concat()).is_measurable(), "the limits differ");
+    }
+
+    #[test]
+    fn overlap_that_refuted_a_match_decides_to_the_end_of_the_stretch() {
+        let refuted = Results { is_by_overlap: true, ..WEAK };
+        assert!(!after(&[WEAK; 20]).is_refuted);
+        assert!(after(&[&[WEAK; 20][..], &[refuted], &[WEAK; 30]].concat()).is_refuted);
+        for end in [STREET, Results { influence: None, ..WEAK }, Results { is_left_to_receiver: true, ..refuted }] {
+            assert!(!after(&[&[refuted; 20][..], &[end], &[WEAK; 3]].concat()).is_refuted, "{end:?}");
+        }
+    }
+
+    #[test]
+    fn match_is_refuted_only_beyond_the_error_of_the_overlap() {
+        let overlap = Overlap { shift_m: 0.5, sigma_m: 0.05 };
+        let measured = AlongTrackMeasurement::new(&Vector3::x(), AlongTrackPrior { sigma_m: 0.2 }, overlap);
+        let at = |x: f64, y: f64| SweepMotion::still(Isometry3::translation(x, y, 0.0));
+        let refutes = |x: f64, y: f64| measured.refutes(&at(10.0, 0.0), &at(10.0 + x, y));
+        assert!(!refutes(0.5, 0.0) && !refutes(0.59, 3.0) && !refutes(0.41, 0.0));
+        assert!(refutes(0.0, 0.0) && refutes(0.61, 0.0));
     }
 
     #[test]
