@@ -12,7 +12,7 @@ use geometry::{CameraModel, Isometry3, Pinhole, RigCamera, Stamp, UnitQuaternion
 use kernels::images::{Border, Planes};
 use lidar::velodyne::{BLOCKS_PER_PACKET, RawBlock, RawReturn, encode_data_packet};
 use lidar::{Lidar, Model, PacketDecoder};
-use messages::{ClassRow, ColorRow, SubmapHeader, SubmapPoint, SubmapSweep};
+use messages::{ClassRow, ColorRow, SubmapHeader, SubmapPoint};
 use morphology::Connectivity;
 use ndarray::Array2;
 use random::Random;
@@ -130,17 +130,7 @@ fn submap() -> (Box<SubmapHeader>, Vec<SubmapPoint>) {
         ..SubmapPoint::default()
     };
     let points: Vec<SubmapPoint> = street::sweep(0).into_iter().map(point).collect();
-    let mut header: Box<SubmapHeader> = Box::default();
-    header.n_rings = street::RINGS;
-    header.n_sweeps = 1;
-    let here = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
-    header.sweeps[0] = SubmapSweep {
-        n_points: points.len() as u32,
-        duration_nanos: 100_000_000,
-        submap_from_lidar_begin: here,
-        submap_from_lidar_end: here,
-        ..SubmapSweep::default()
-    };
+    let header = SubmapHeader::one_sweep(points.len(), street::RINGS as usize);
     (header, points)
 }
 

@@ -161,6 +161,20 @@ pub struct CheckedSubmap<'a> {
 }
 
 impl SubmapHeader {
+    /// The header of a submap of one sweep, 0.1 s, of a LiDAR that stands at the origin of the submap and of odom.
+    pub fn one_sweep(n_points: usize, n_rings: usize) -> Box<Self> {
+        const HERE: [f32; 7] = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
+        let odom_from_submap = PoseRow { translation: [0.0; 3], rotation: [0.0, 0.0, 0.0, 1.0] };
+        let mut header = Box::new(Self { odom_from_submap, n_rings: n_rings as u32, n_sweeps: 1, ..Self::default() });
+        header.sweeps[0] = SubmapSweep {
+            n_points: n_points as u32,
+            duration_nanos: 100_000_000,
+            submap_from_lidar_begin: HERE,
+            submap_from_lidar_end: HERE,
+            ..SubmapSweep::default()
+        };
+        header
+    }
     /// Rings of all LiDARs.
     pub fn ring_counts(&self) -> RingCounts {
         RingCounts::new(self.n_rings, self.n_rings_of_others)

@@ -15,8 +15,8 @@ mod sweep;
 use boxes::{Cuboid, Label};
 use instance::{InstanceStage, Settings};
 use messages::{
-    CLASS_TABLE_VERSION, ClassHeader, ClassId, ClassRow, ClassTopic, InstanceTopic, PoseRow, SubmapHeader, SubmapPoint,
-    SubmapSweep, SubmapTopic,
+    CLASS_TABLE_VERSION, ClassHeader, ClassId, ClassRow, ClassTopic, InstanceTopic, SubmapHeader, SubmapPoint,
+    SubmapTopic,
 };
 use segmentation::{ModelInput, Options, Segmenter};
 use stage::testing::{Bench, context};
@@ -82,7 +82,7 @@ impl Tally {
 }
 
 fn score(model: &dyn Segmenter, points: &[SubmapPoint], boxes: &[Cuboid], min_points: usize) -> [Tally; 2] {
-    let header = header(points.len());
+    let header = SubmapHeader::one_sweep(points.len(), 0);
     let mut classes = vec![ClassRow::default(); points.len()];
     model.segment(&ModelInput::new(&header, points), &mut classes).expect("the model takes any cloud");
     let mut bench = Bench::<InstanceStage>::new(&Settings::default(), &context(Path::new("/nowhere"))).expect("builds");
@@ -139,21 +139,6 @@ fn tally(
         objects: counted().count(),
         false_objects: counted().filter(|[n, n_labeled, _]| 2 * n_labeled < *n).count(),
     }
-}
-
-/// One sweep of a standing LiDAR at the origin without rings.
-fn header(n_points: usize) -> Box<SubmapHeader> {
-    let here = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
-    let odom_from_submap = PoseRow { translation: [0.0; 3], rotation: [0.0, 0.0, 0.0, 1.0] };
-    let mut header = Box::new(SubmapHeader { odom_from_submap, n_sweeps: 1, ..SubmapHeader::default() });
-    header.sweeps[0] = SubmapSweep {
-        n_points: n_points as u32,
-        duration_nanos: 100_000_000,
-        submap_from_lidar_begin: here,
-        submap_from_lidar_end: here,
-        ..SubmapSweep::default()
-    };
-    header
 }
 
 fn sorted(folder: &Path) -> Vec<PathBuf> {

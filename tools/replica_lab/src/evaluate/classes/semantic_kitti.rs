@@ -15,7 +15,7 @@ use command_line::say_error;
 use formats::semantic_kitti::CLASS_OF_BENCHMARK_ID;
 use geometry::SphericalGrid;
 use messages::ClassId::Unlabeled;
-use messages::{SubmapHeader, SubmapPoint, SubmapSweep};
+use messages::{SubmapHeader, SubmapPoint};
 use std::path::Path;
 use std::time::Instant;
 
@@ -92,7 +92,11 @@ fn submap(sweep: &LabelledSweep) -> LabelledSubmap {
         let class = CLASS_OF_BENCHMARK_ID[*id as usize];
         (class != Unlabeled).then(|| TrueClass { class: class as u8, seven: seven::from_benchmark_id(*id) })
     };
-    LabelledSubmap { header: one_sweep(points.len(), GRID.rows), truth: sweep.ids.iter().map(truth).collect(), points }
+    LabelledSubmap {
+        header: SubmapHeader::one_sweep(points.len(), GRID.rows),
+        truth: sweep.ids.iter().map(truth).collect(),
+        points,
+    }
 }
 
 /// A return of the HDL-64E.
@@ -111,22 +115,6 @@ pub fn row([x, y, z]: [f32; 3], intensity: u8) -> SubmapPoint {
         intensity,
         ..SubmapPoint::default()
     }
-}
-
-/// The header of a submap of one sweep of a standing LiDAR.
-pub fn one_sweep(n_points: usize, n_rings: usize) -> Box<SubmapHeader> {
-    let mut header: Box<SubmapHeader> = Box::default();
-    header.n_rings = n_rings as u32;
-    header.n_sweeps = 1;
-    let here = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
-    header.sweeps[0] = SubmapSweep {
-        n_points: n_points as u32,
-        duration_nanos: 100_000_000,
-        submap_from_lidar_begin: here,
-        submap_from_lidar_end: here,
-        ..SubmapSweep::default()
-    };
-    header
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ use crate::evaluate::classes::semantic_kitti;
 use anyhow::{Context, ensure};
 use files::regular_file;
 use formats::kitti::{labels_from_bytes, points_from_bin};
-use messages::SubmapPoint;
+use messages::{SubmapHeader, SubmapPoint};
 use std::path::{Path, PathBuf};
 
 /// Azimuths beyond this, deg to each side, belong to a LiDAR that turns.
@@ -77,7 +77,7 @@ fn submap(path: &Path, ids: &[u16], labels: Labels) -> anyhow::Result<LabelledSu
         points.push(if has_rings { semantic_kitti::row(xyz, intensity) } else { without_ring(xyz, intensity) });
         truth.push(labels.truth(*id));
     }
-    let header = semantic_kitti::one_sweep(points.len(), if has_rings { semantic_kitti::GRID.rows } else { 0 });
+    let header = SubmapHeader::one_sweep(points.len(), if has_rings { semantic_kitti::GRID.rows } else { 0 });
     Ok(LabelledSubmap { header, points, truth })
 }
 
