@@ -13,9 +13,8 @@ mod matched;
 mod scored;
 
 use anyhow::Context;
-use geometry::{Point3, Pose};
-use georeference::GeoreferenceSettings;
-use kitti_drive::{FIXES, KittiDrive, POSES, SAMPLES, origin};
+use geometry::Pose;
+use kitti_drive::{FIXES, KittiDrive, POSES, SAMPLES, settings};
 use scored::{SWEEP_NANOS, Score, ScoredDrive, print_mean};
 
 fn main() -> anyhow::Result<()> {
@@ -26,16 +25,7 @@ fn main() -> anyhow::Result<()> {
         paths.push(real_data::find(name).with_context(|| format!("{name} is absent; set REPLICA_DATA"))?);
     }
     let drive = KittiDrive::read([&paths[0], &paths[1], &paths[2]], quality.parse()?);
-    let settings = GeoreferenceSettings {
-        gnss: true,
-        imu: true,
-        loops: false,
-        unsmooth_fixes: false,
-        antenna_in_body: Point3::origin(),
-        imu_in_body: Point3::origin(),
-        origin: Some(origin()),
-        max_keyframes: 10,
-    };
+    let settings = settings();
     let [first, last] = drive.span();
     for length in lengths {
         let n_sweeps = length.parse::<i64>()? * 1_000_000_000 / SWEEP_NANOS;

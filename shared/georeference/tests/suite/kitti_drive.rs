@@ -6,6 +6,7 @@
 //! between houses.
 
 use geometry::{Geodetic, Isometry3, LocalFrame, Point3, Pose, Stamp, Trajectory, UnitQuaternion, Vector3};
+use georeference::GeoreferenceSettings;
 use messages::{GnssRow, ImuRow};
 use nalgebra::Matrix3;
 use std::path::Path;
@@ -37,6 +38,20 @@ pub struct KittiDrive {
 /// Any origin: the fixes are metres in a local frame.
 pub fn origin() -> Geodetic {
     Geodetic::new(48.98, 8.39, 110.0).unwrap_or_else(|| unreachable!("is valid"))
+}
+
+/// Settings of the placing: the antenna is at the inertial unit.
+pub fn settings() -> GeoreferenceSettings {
+    GeoreferenceSettings {
+        gnss: true,
+        imu: true,
+        loops: false,
+        unsmooth_fixes: false,
+        antenna_in_body: Point3::origin(),
+        imu_in_body: Point3::origin(),
+        origin: Some(origin()),
+        max_keyframes: 10,
+    }
 }
 
 impl KittiDrive {

@@ -1,25 +1,11 @@
 //! Placement of a recorded drive by its recorded fixes.
 
-use crate::kitti_drive::{FIXES, KittiDrive, POSES, SAMPLES, origin};
+use crate::kitti_drive::{FIXES, KittiDrive, POSES, SAMPLES, settings};
 use crate::scored::{SWEEP_NANOS, Score, ScoredDrive};
-use geometry::{Point3, Pose};
-use georeference::GeoreferenceSettings;
+use geometry::Pose;
 
 /// Fixes by carrier phases: they agree with the reference poses within centimetres.
 const QUALITY: u32 = 4;
-
-fn settings() -> GeoreferenceSettings {
-    GeoreferenceSettings {
-        gnss: true,
-        imu: true,
-        loops: false,
-        unsmooth_fixes: false,
-        antenna_in_body: Point3::origin(),
-        imu_in_body: Point3::origin(),
-        origin: Some(origin()),
-        max_keyframes: 10,
-    }
-}
 
 /// The drive cut into parts of this many seconds, each placed by the fixes of its first `fix_seconds`.
 fn scores(seconds: i64, fix_seconds: i64) -> Vec<Score> {
