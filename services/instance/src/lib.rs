@@ -33,7 +33,8 @@ use instance_segmentation::{
     Density, Kind, Object, OwnVehicle, Rays, ThingPoint, TopView, TrackedObject, Tracker, find,
 };
 use messages::{
-    ClassRow, ClassTopic, InstanceHeader, InstanceTopic, SubmapHeader, SubmapPoint, SubmapSweep, SubmapTopic,
+    ClassRow, ClassTopic, InstanceHeader, InstanceTopic, MAX_MOVING_INSTANCES, SubmapHeader, SubmapPoint, SubmapSweep,
+    SubmapTopic,
 };
 use serde::{Deserialize, Serialize};
 use stage::{
@@ -136,6 +137,13 @@ impl InstanceStage {
         self.tracker.update(seen, self.settings.remembered_submaps);
         outputs.count("instances", u64::from(header.n_instances));
         outputs.count("moving_instances", moving.len() as u64);
+        let n_unnamed = moving.len().saturating_sub(MAX_MOVING_INSTANCES);
+        if n_unnamed > 0 {
+            outputs.count("moving_instances_unmarked", n_unnamed as u64);
+            outputs.note(format!(
+                "a submap has more than {MAX_MOVING_INSTANCES} moving instances: the points of the others are not marked as dynamic"
+            ));
+        }
         header.set_moving(moving);
         Ok(header)
     }

@@ -94,6 +94,9 @@ impl Assets {
             let [n, n_moving] = self.marked.entry(point.instance.into()).or_default();
             *n += 1;
             *n_moving += u64::from(point.is_moving);
+            if !point.is_moving {
+                return;
+            }
             let sums = self.moving.entry(point.instance.into()).or_default().entry(point.frame).or_default();
             sums.n += 1;
             sums.time_s += point.time_s;
