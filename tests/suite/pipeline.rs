@@ -152,12 +152,13 @@ fn real_sweeps_without_cameras_are_mapped() {
         output_text(&output)
     );
     let estimate = trajectory_from_tum(&String::from_utf8(launch.read("trajectory.txt")).expect("text")).expect("TUM");
-    // The references have the poses in the middle of sweeps; the trajectory has the poses of both ends.
-    let mut middles: Vec<_> = estimate.poses().iter().map(|(_, pose)| pose.translation.vector).collect();
-    let n = middles.len();
-    let [begin, end] = [(middles[0] + middles[1]) / 2.0, (middles[n - 2] + middles[n - 1]) / 2.0];
-    (middles[0], middles[n - 1]) = (begin, end);
-    let length_m: f64 = middles.windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum();
+    // The references go from the middle of the first sweep to the middle of the last. The path starts there, because sweeps are
+    // rigid until the spin direction is known, and it ends with the last shot of the last sweep.
+    let mut last = estimate.poses().iter().rev().map(|(_, pose)| pose.translation.vector);
+    let last_shot = last.next().expect("poses");
+    let first_shot = last.next().expect("poses");
+    let end = (first_shot + last_shot) / 2.0;
+    let length_m = estimate.length_m() - (last_shot - end).norm();
     let mut ends = Vec::new();
     for name in ["ref_traj_kiss_icp_1.3.0.txt", "ref_traj_small_gicp_f2f.txt"] {
         let poses = poses_from_kitti(&std::fs::read_to_string(drive.join(name)).expect("text")).expect("KITTI");
