@@ -187,39 +187,27 @@ fn settings_page_matches_the_stages_descriptions() {
 fn settings_page() -> String {
     let mut text = String::from(
         "# Settings of the stages\n\n\
-         With this page you can look up every setting of every stage: type, default, allowed values, meaning.\n\n\
+         Look up the default, the allowed values and the meaning of every setting.\n\n\
          <!-- Generated from `replica-<stage> --describe` by the test settings_page_matches_the_stages_descriptions; \
          rewrite it with REPLICA_WRITE_DOCS=1. -->\n\n\
          A stage reads its own table of [launch.toml](launch_file.md). Keys that every table has are \
          [there](launch_file.md#keys-of-every-stage-table).\n\n\
-         An empty rule means that every value of the type is allowed.\n",
+         A default shows the type: `1.0` is a float, `1` an integer, `[]` a list. Without a rule, every value of the type is allowed.\n",
     );
     for stage in STAGES {
         let output = Command::new(binary(&format!("replica-{stage}"))).arg("--describe").output();
         let output = output.unwrap_or_else(|error| panic!("replica-{stage} --describe: {error}"));
         let description: Value = serde_json::from_slice(&output.stdout).expect("--describe prints JSON");
-        let _ = write!(text, "\n## {stage}\n\n| key | type | default | rule | meaning |\n|---|---|---|---|---|\n");
+        let _ = write!(text, "\n## {stage}\n\n| key | default | allowed | meaning |\n|---|---|---|---|\n");
         for setting in description["settings"].as_array().expect("settings are a list") {
             let column = |key: &str| setting[key].as_str().expect("a column is text").replace('|', "\\|");
             let key = column("key");
-            let kind = column("kind");
             let default = column("default");
             let rule = column("rule");
+            let allowed = rule.strip_prefix("must be ").unwrap_or(&rule);
             let meaning = column("meaning");
-            let kind = kind_in_toml(&kind);
-            let _ = writeln!(text, "| `{key}` | {kind} | `{default}` | {rule} | {meaning} |");
+            let _ = writeln!(text, "| `{key}` | `{default}` | {allowed} | {meaning} |");
         }
     }
     text
-}
-
-/// The TOML type of a Rust type.
-fn kind_in_toml(kind: &str) -> &str {
-    match kind {
-        "f32" | "f64" => "float",
-        "String" => "string",
-        "bool" => "boolean",
-        list if list.starts_with("Vec<") => "array",
-        _ => "integer",
-    }
 }
