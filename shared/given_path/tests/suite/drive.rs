@@ -45,13 +45,20 @@ pub fn local_frame() -> LocalFrame {
 
 /// What the sensors of the drive measured.
 pub fn evidence() -> Evidence {
+    evidence_of_part(0.0, SECONDS)
+}
+
+/// What the sensors measured from `begin_s` to `end_s`.
+pub fn evidence_of_part(begin_s: f64, end_s: f64) -> Evidence {
     let poses = poses();
-    let within: Vec<&(f64, Pose)> = poses.iter().filter(|(s, _)| (0.0..=SECONDS).contains(s)).collect();
+    let within: Vec<&(f64, Pose)> = poses.iter().filter(|(s, _)| (begin_s..=end_s).contains(s)).collect();
     let stamp = |s: f64| Stamp(((START_S + s) * 1e3).round() as i64 * 1_000_000);
-    let sample = |pair: &[&(f64, Pose)]| {
-        let [(s, a), (_, b)] = pair else { panic!("pairs") };
+    let sample = |triple: &[&(f64, Pose)]| {
+        let [(_, before), (s, a), (_, b)] = triple else { panic!("triples") };
         let rate = (a.rotation.inverse() * b.rotation).scaled_axis() / STEP_S;
-        let force = a.rotation.inverse() * Vector3::z() * 9.81;
+        let [p, q, r] = [before, a, b].map(|pose| pose.translation.vector);
+        let acceleration = (p - q * 2.0 + r) / (STEP_S * STEP_S);
+        let force = a.rotation.inverse() * (Vector3::z() * 9.81 + acceleration);
         ImuSample { stamp: stamp(*s), acceleration: force.into(), angular_rate: rate.into() }
     };
     let fix = |(s, pose): &&(f64, Pose)| {
@@ -70,9 +77,9 @@ pub fn evidence() -> Evidence {
         }
     };
     Evidence {
-        first: Some(stamp(0.0)),
-        last: Some(stamp(SECONDS)),
-        imu: within.windows(2).map(sample).collect(),
+        first: Some(stamp(begin_s)),
+        last: Some(stamp(end_s)),
+        imu: within.windows(3).map(sample).collect(),
         fixes: within.iter().step_by(100).map(fix).collect(),
         antenna_in_body: Point3::origin(),
     }
