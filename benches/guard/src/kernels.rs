@@ -12,6 +12,7 @@ use geometry::{CameraModel, Isometry3, Pinhole, RigCamera, Stamp, UnitQuaternion
 use kernels::images::{Border, Planes};
 use lidar::velodyne::{BLOCKS_PER_PACKET, RawBlock, RawReturn, encode_data_packet};
 use lidar::{Lidar, Model, PacketDecoder};
+use materials::{Classifier, Method, Model as MaterialModel, Places, Smoothing, Spectra, materials_of};
 use messages::{ClassRow, ColorRow, SubmapHeader, SubmapPoint};
 use morphology::Connectivity;
 use ndarray::Array2;
@@ -34,7 +35,7 @@ type Round = Box<dyn FnMut() -> anyhow::Result<()>>;
 type Prepare = fn() -> anyhow::Result<Round>;
 
 /// Name, and preparation.
-pub const KERNELS: [(&str, Prepare); 9] = [
+pub const KERNELS: [(&str, Prepare); 10] = [
     ("decode a revolution of an HDL-32E", decode),
     ("odometry, a sweep", odometry),
     ("dilate 512x512 f32, 5x5", dilation),
@@ -44,6 +45,7 @@ pub const KERNELS: [(&str, Prepare); 9] = [
     ("color 60000 points from one exposure", color),
     ("write 100000 points as PLY", ply),
     ("mosaic of 512x512 pixels to cube", cube),
+    ("materials of 10000 points", materials_of_points),
 ];
 
 fn decode() -> anyhow::Result<Round> {
@@ -236,6 +238,28 @@ fn cube() -> anyhow::Result<Round> {
     let mut masks = vec![0; mosaic.n_cells()];
     Ok(Box::new(move || {
         calibration.cube_into(&raw, 5_000_000, &mut cube, &mut masks)?;
+        Ok(())
+    }))
+}
+
+fn materials_of_points() -> anyhow::Result<Round> {
+    let model = MaterialModel::built_in()?;
+    let mut random = Random::new(9);
+    let mut spectra = Spectra::new(&model.wavelengths_nm);
+    let mut positions = Vec::new();
+    for _ in 0..10_000 {
+        let reference = random.pick(&model.references);
+        let gain = 0.3 * random.gauss();
+        let values: Vec<f32> =
+            reference.log_reflectance.iter().map(|log| (log + gain + 0.05 * random.gauss()).exp()).collect();
+        spectra.push(u64::MAX, &values);
+        positions.push([random.range(0.0, 6.0), random.range(0.0, 6.0), 0.02 * random.gauss()]);
+    }
+    let classifier = Classifier::new(&model, &model.wavelengths_nm, Method::default());
+    Ok(Box::new(move || {
+        let places = Places { positions: &positions, regions: None };
+        let found = materials_of(&classifier, &spectra, places, Smoothing::default());
+        anyhow::ensure!(black_box(found).len() == 10_000, "not all points have a material");
         Ok(())
     }))
 }

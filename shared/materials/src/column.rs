@@ -2,7 +2,7 @@
 
 use crate::classifier::{Classifier, Method, Probabilities};
 use crate::model::Model;
-use crate::smoothing::{Smoothing, mean_spectra, neighborhoods, region_means, votes};
+use crate::smoothing::{Smoothing, mean_spectra, region_means, votes};
 use crate::spectra::Spectra;
 use messages::{MATERIAL_TABLE_VERSION, MaterialHeader, MaterialId, MaterialRow, SpectraHeader, SubmapPoint};
 
@@ -31,17 +31,16 @@ pub fn materials_of(
     if smoothing == Smoothing::Off {
         return classifier.classify(spectra);
     }
-    let near = neighborhoods(positions);
     let in_regions = |found: Vec<Probabilities>| match regions {
-        Some(regions) => region_means(&found, regions, &near),
+        Some(regions) => region_means(&found, regions, positions),
         None => found,
     };
     match smoothing {
-        Smoothing::Off | Smoothing::Votes => votes(&classifier.classify(spectra), &near),
-        Smoothing::Mean => classifier.classify(&mean_spectra(spectra, &near)),
-        Smoothing::Both => votes(&classifier.classify(&mean_spectra(spectra, &near)), &near),
+        Smoothing::Off | Smoothing::Votes => votes(&classifier.classify(spectra), positions),
+        Smoothing::Mean => classifier.classify(&mean_spectra(spectra, positions)),
+        Smoothing::Both => votes(&classifier.classify(&mean_spectra(spectra, positions)), positions),
         Smoothing::Regions => in_regions(classifier.classify(spectra)),
-        Smoothing::VotesInRegions => in_regions(votes(&classifier.classify(spectra), &near)),
+        Smoothing::VotesInRegions => in_regions(votes(&classifier.classify(spectra), positions)),
     }
 }
 

@@ -65,43 +65,89 @@ impl BandModel {
 
     /// The Gaussians of only these bands.
     pub fn marginal(&self, bands: u64) -> Whitened {
-        let bands: Vec<usize> = (0..self.covariance.nrows()).filter(|band| bands >> band & 1 == 1).collect();
+        let bands: Vec<usize> = places(bands & self.known).collect();
         let part = self.covariance.select_rows(&bands).select_columns(&bands);
         let n = bands.len();
         // The floor on the diagonal keeps the matrix positive definite. With a damaged model, distances are Euclidean.
         let root = Cholesky::new(part).map_or_else(|| DMatrix::identity(n, n), |cholesky| cholesky.l());
         let log_root_determinant: f64 = root.diagonal().iter().map(|value| value.ln()).sum();
         let n_references = self.means.len() / self.covariance.nrows().max(1);
-        let white = (0..n_references).flat_map(|reference| {
+        let mut references = Vec::with_capacity(n_references * n);
+        for reference in 0..n_references {
             let mean = self.mean(reference);
-            whiten(&root, bands.iter().map(|band| mean[*band] + self.offset[*band])).data.as_vec().clone()
-        });
-        Whitened { white: white.collect(), log_density: -log_root_determinant, log_share: self.log_share, bands, root }
+            let mut white = DVector::from_iterator(n, bands.iter().map(|band| mean[*band] + self.offset[*band]));
+            root.solve_lower_triangular_mut(&mut white);
+            references.extend(white.iter().map(|value| *value as f32));
+        }
+        let rows = (0..n).flat_map(|row| (0..=row).map(move |column| (row, column)));
+        Whitened {
+            log_weight: (self.log_share - log_root_determinant) as f32,
+            root: rows.map(|at| if at.0 == at.1 { 1.0 / root[at] } else { root[at] } as f32).collect(),
+            references,
+            bands,
+        }
     }
 }
+
+/// Number of spectra that are compared with a reference together: their sums fill four registers of AVX2.
+pub const LANES: usize = 32;
+
+/// A value of each spectrum of a block.
+pub type Lanes = [f32; LANES];
 
 /// Bands, root of the covariance, and references in the space in which the covariance is the identity.
 pub struct Whitened {
     pub bands: Vec<usize>,
-    /// Logarithm of the density at a reference, without the factor that all Gaussians of these bands share.
-    pub log_density: f64,
-    /// Logarithm of the share of the light.
-    pub log_share: f64,
-    root: DMatrix<f64>,
-    white: Vec<f64>,
+    /// Logarithm of the share of the light and of the density at a reference, without the factor that all Gaussians of these
+    /// bands share.
+    pub log_weight: f32,
+    /// Lower triangle of the root, row by row, with the inverse of the diagonal.
+    root: Vec<f32>,
+    references: Vec<f32>,
 }
 
 impl Whitened {
-    /// Squared Mahalanobis distance to each reference.
-    pub fn distances(&self, values: &[f32]) -> impl Iterator<Item = f64> {
-        let point = whiten(&self.root, self.bands.iter().map(|band| f64::from(log_reflectance(values[*band]))));
-        let references = self.white.chunks_exact(self.bands.len().max(1));
-        references.map(move |reference| reference.iter().zip(point.iter()).map(|(a, b)| (a - b) * (a - b)).sum())
+    /// Transforms the logarithms of the reflectances of a block, one row per band, to the space of the references.
+    #[inline(always)]
+    pub fn whiten(&self, logs: &[Lanes], white: &mut Vec<Lanes>) {
+        white.clear();
+        let mut root = self.root.as_slice();
+        for (row, log) in logs.iter().enumerate() {
+            let (factors, rest) = root.split_at(row);
+            let mut value = *log;
+            for (factor, earlier) in factors.iter().zip(white.iter()) {
+                for (value, earlier) in value.iter_mut().zip(earlier) {
+                    *value -= factor * earlier;
+                }
+            }
+            for value in &mut value {
+                *value *= rest[0];
+            }
+            root = &rest[1..];
+            white.push(value);
+        }
+    }
+
+    /// The references in the space of [`Self::whiten`].
+    pub fn references(&self) -> impl Iterator<Item = &[f32]> {
+        self.references.chunks_exact(self.bands.len().max(1))
     }
 }
 
-fn whiten(root: &DMatrix<f64>, values: impl Iterator<Item = f64>) -> DVector<f64> {
-    let mut point = DVector::from_iterator(root.nrows(), values);
-    root.solve_lower_triangular_mut(&mut point);
-    point
+/// Squared Mahalanobis distances of a block to a reference.
+#[inline(always)]
+pub fn squared_distances(reference: &[f32], white: &[Lanes]) -> Lanes {
+    let mut sum = [0.0; LANES];
+    for (value, row) in reference.iter().zip(white) {
+        for (sum, row) in sum.iter_mut().zip(row) {
+            let difference = row - value;
+            *sum += difference * difference;
+        }
+    }
+    sum
+}
+
+/// The positions of the set bits.
+pub fn places(bands: u64) -> impl Iterator<Item = usize> {
+    (0..64).filter(move |band| bands >> band & 1 == 1)
 }

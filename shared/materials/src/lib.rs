@@ -29,5 +29,5 @@ pub use classifier::{Classifier, Method, N_MATERIALS, Probabilities};
 pub use column::{Places, PointMaterials, best_row, materials_of};
 pub use fit::Fit;
 pub use model::{Light, Model, ModelError, Reference};
-pub use smoothing::{Smoothing, mean_spectra, neighborhoods, region_means, votes};
+pub use smoothing::{Smoothing, mean_spectra, region_means, votes};
 pub use spectra::{Spectra, Spectrum, ndvi};

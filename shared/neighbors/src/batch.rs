@@ -4,11 +4,19 @@ use crate::index::{Neighbor, SpatialIndex};
 use crate::morton::Entry;
 use crate::nearest::NearestSearch;
 use crate::position::is_valid;
-use crate::within::append_within;
+use crate::within::WithinSearch;
 use rayon::prelude::*;
 
 /// Queries of a task.
 const CHUNK: usize = 1024;
+
+/// The memory of searches of one kind, reused by each query.
+pub(crate) trait Search {
+    type Found: Copy + Send + Sync;
+
+    /// Appends what a query finds.
+    fn append(&mut self, query: [f32; 3], found: &mut Vec<Self::Found>);
+}
 
 /// A list for each of many queries.
 #[derive(Clone, Debug)]
@@ -106,11 +114,27 @@ impl SpatialIndex {
         radius_m: f32,
         map: impl Fn(usize, &[u32]) -> R + Sync,
     ) -> Vec<R> {
-        self.map_within_of_rows(&self.rows(queries), radius_m, map)
+        self.map_rows(&self.rows(queries), || WithinSearch::new(self, radius_m), map)
     }
     /// [`Self::map_within_of_each`] for each point of the cloud, which is within the radius itself.
     pub fn map_within_of_own<R: Send>(&self, radius_m: f32, map: impl Fn(usize, &[u32]) -> R + Sync) -> Vec<R> {
-        self.map_within_of_rows(&self.own_rows(), radius_m, map)
+        self.map_rows(&self.own_rows(), || WithinSearch::new(self, radius_m), map)
+    }
+    /// Maps each query: `map` receives the number of the query and its k nearest neighbors, nearest first. Order and memory are
+    /// those of [`Self::map_within_of_each`]. An invalid query has no neighbors.
+    ///
+    /// ```
+    /// let points = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [5.0, 0.0, 0.0]];
+    /// let index = neighbors::SpatialIndex::new(&points);
+    /// assert_eq!(index.map_nearest_of_each(&points, 2, |_, found| found[1].index), [1, 0, 1]);
+    /// ```
+    pub fn map_nearest_of_each<R: Send>(
+        &self,
+        queries: &[[f32; 3]],
+        k: usize,
+        map: impl Fn(usize, &[Neighbor]) -> R + Sync,
+    ) -> Vec<R> {
+        self.map_rows(&self.rows(queries), || NearestSearch::new(self, k), map)
     }
 
     fn rows(&self, queries: &[[f32; 3]]) -> Rows {
@@ -129,57 +153,27 @@ impl SpatialIndex {
         Rows { positions: self.positions().collect(), query_of: self.order().to_vec(), n_queries: self.n_cloud() }
     }
     fn nearest_of_rows(&self, rows: &Rows, k: usize) -> Neighborhoods<Neighbor> {
-        let lists_of = |queries: &[[f32; 3]]| {
-            let mut search = NearestSearch::new(self, k);
-            let mut items = Vec::with_capacity(queries.len() * search.k());
-            let mut ends = Vec::with_capacity(queries.len());
-            wide_loops::run(
-                #[inline(always)]
-                || {
-                    for query in queries {
-                        search.append(*query, &mut items);
-                        ends.push(items.len());
-                    }
-                },
-            );
-            Chunk { ends, items }
-        };
-        Neighborhoods { chunks: rows.positions.par_chunks(CHUNK).map(lists_of).collect(), row_of: rows.row_of() }
+        lists_of_rows(rows, || NearestSearch::new(self, k))
     }
     fn within_of_rows(&self, rows: &Rows, radius_m: f32) -> Neighborhoods<u32> {
-        let lists_of = |queries: &[[f32; 3]]| {
-            let mut items = Vec::new();
-            let mut ends = Vec::with_capacity(queries.len());
-            let mut stack = Vec::with_capacity(64);
-            wide_loops::run(
-                #[inline(always)]
-                || {
-                    for query in queries {
-                        append_within(self, *query, radius_m, &mut stack, &mut items);
-                        ends.push(items.len());
-                    }
-                },
-            );
-            Chunk { ends, items }
-        };
-        Neighborhoods { chunks: rows.positions.par_chunks(CHUNK).map(lists_of).collect(), row_of: rows.row_of() }
+        lists_of_rows(rows, || WithinSearch::new(self, radius_m))
     }
-    fn map_within_of_rows<R: Send>(
+    fn map_rows<S: Search, R: Send>(
         &self,
         rows: &Rows,
-        radius_m: f32,
-        map: impl Fn(usize, &[u32]) -> R + Sync,
+        new_search: impl Fn() -> S + Sync,
+        map: impl Fn(usize, &[S::Found]) -> R + Sync,
     ) -> Vec<R> {
         let results_of = |(queries, numbers): (&[[f32; 3]], &[u32])| {
+            let mut search = new_search();
             let mut found = Vec::new();
             let mut results = Vec::with_capacity(queries.len());
-            let mut stack = Vec::with_capacity(64);
             wide_loops::run(
                 #[inline(always)]
                 || {
                     for (query, number) in queries.iter().zip(numbers) {
                         found.clear();
-                        append_within(self, *query, radius_m, &mut stack, &mut found);
+                        search.append(*query, &mut found);
                         results.push(map(*number as usize, &found));
                     }
                 },
@@ -195,4 +189,23 @@ impl SpatialIndex {
         let results = in_order.into_iter().enumerate();
         results.map(|(query, result)| result.unwrap_or_else(|| map(query, &[]))).collect()
     }
+}
+
+fn lists_of_rows<S: Search>(rows: &Rows, new_search: impl Fn() -> S + Sync) -> Neighborhoods<S::Found> {
+    let lists_of = |queries: &[[f32; 3]]| {
+        let mut search = new_search();
+        let mut items = Vec::new();
+        let mut ends = Vec::with_capacity(queries.len());
+        wide_loops::run(
+            #[inline(always)]
+            || {
+                for query in queries {
+                    search.append(*query, &mut items);
+                    ends.push(items.len());
+                }
+            },
+        );
+        Chunk { ends, items }
+    };
+    Neighborhoods { chunks: rows.positions.par_chunks(CHUNK).map(lists_of).collect(), row_of: rows.row_of() }
 }

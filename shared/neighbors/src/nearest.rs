@@ -1,5 +1,6 @@
 //! k nearest neighbors.
 
+use crate::batch::Search;
 use crate::candidates::{Candidates, Heap, LONGEST_LIST, SortedList, key, neighbor};
 use crate::index::{Neighbor, SpatialIndex};
 use crate::position::is_valid;
@@ -34,13 +35,14 @@ impl<'a> NearestSearch<'a> {
         let (of_list, of_heap) = if k <= LONGEST_LIST { (k.max(1), 0) } else { (1, k) };
         Self { index, k, list: SortedList::new(of_list), heap: Heap::new(of_heap), stack: Vec::with_capacity(64) }
     }
-    /// Number of neighbors of each query.
-    pub fn k(&self) -> usize {
-        self.k
-    }
-    /// Appends the neighbors of a query, nearest first.
+}
+
+impl Search for NearestSearch<'_> {
+    type Found = Neighbor;
+
+    /// Appends the neighbors, nearest first.
     #[inline(always)]
-    pub fn append(&mut self, query: [f32; 3], found: &mut Vec<Neighbor>) {
+    fn append(&mut self, query: [f32; 3], found: &mut Vec<Neighbor>) {
         if self.k == 0 || !is_valid(query) {
             return;
         }

@@ -1,8 +1,6 @@
 //! Two surfaces with the same noise distribution.
 
-use materials::{
-    Classifier, Fit, Method, Model, Places, Smoothing, Spectra, best_row, materials_of, mean_spectra, neighborhoods,
-};
+use materials::{Classifier, Fit, Method, Model, Places, Smoothing, Spectra, best_row, materials_of, mean_spectra};
 use messages::MaterialId;
 use random::Random;
 
@@ -86,7 +84,7 @@ fn neighbors_correct_noisy_spectra_and_their_order_does_not_matter() {
     let whole = materials_of(&classifier, &spectra, places, Smoothing::Regions);
     assert!(whole[1..300].iter().all(|found| *found == whole[1]) && whole[0] != whole[1], "a region is one");
     assert!(accuracy(&whole) > 0.99);
-    let mean = mean_spectra(&spectra, &neighborhoods(&positions));
+    let mean = mean_spectra(&spectra, &positions);
     assert_eq!(mean.len(), 600);
     assert!(mean.valid.iter().all(|valid| *valid == 0x3ff));
 }

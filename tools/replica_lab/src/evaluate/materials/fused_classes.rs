@@ -2,13 +2,16 @@
 
 use crate::evaluate::classes::NOT_SCORED;
 use crate::materials::TownSpectra;
-use materials::{Probabilities, best_row, mean_spectra, ndvi, neighborhoods};
+use materials::{Probabilities, best_row, mean_spectra, ndvi};
 use messages::{ClassId, ClassRow, GROUND_CLASSES, MaterialId};
+use neighbors::SpatialIndex;
 use scores::Confusion;
 use segmentation::{ModelInput, Segmenter};
 
 /// Vegetation index above which a surface is green, and below which it is not. Between them nothing is changed.
 const GREEN: [f32; 2] = [0.2, 0.4];
+/// Neighbors that decide on a corrected class.
+const N_NEAR: usize = 64;
 /// Least score of a material, of 255, that changes a class.
 const SURE: u8 = 200;
 /// Score of a class, of 255, below which the network is unsure.
@@ -42,8 +45,8 @@ impl FusedClasses {
         found: &[Probabilities],
         segmenter: Option<&dyn Segmenter>,
     ) -> anyhow::Result<()> {
-        let near = neighborhoods(positions);
-        let mean = mean_spectra(&town.spectra, &near);
+        let near = SpatialIndex::new(positions).nearest_of_own(N_NEAR);
+        let mean = mean_spectra(&town.spectra, positions);
         let index: Vec<Option<f32>> = (0..mean.len()).map(|i| ndvi(mean.get(i))).collect();
         let truth = |i: usize| town.submap.truth[town.points[i] as usize];
         let is_scored = |i: &usize| !NOT_SCORED.iter().any(|not| *not as u8 == truth(*i));
