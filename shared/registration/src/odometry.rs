@@ -1,9 +1,13 @@
 //! Scan-to-map odometry: registers each sweep to the local map.
 
 mod acceptance;
+mod distant;
 pub(crate) mod initialization;
 mod settings;
+mod top_view;
+mod upright_cost;
 mod weak_track;
+mod wide_match;
 
 use crate::features::sampling::sampled;
 use crate::features::sweep_features::SweepFeatures;
@@ -26,12 +30,14 @@ use crate::{
     Revolution, Sampling, SpinDirection, Sweep, SweepMotion, Weights,
 };
 use acceptance::{is_plausible, is_reachable};
+use distant::settings_at;
 use geometry::{Pose, Stamp, Vector3};
 use initialization::{InitialMotion, initialize};
 use nalgebra::{Matrix6, Point3};
 use serde::{Deserialize, Serialize};
 pub use settings::OdometrySettings;
 use weak_track::{AlongTrackMeasurement, AlongTrackPrior, MatchedSweep, WeakTrack};
+use wide_match::PredictionError;
 
 /// Lower limit like [`MatchSettings::min_influence`] for the features that do not face along the track: their only
 /// along-track information comes from the edges of vehicles. Streets have 0.01 to 0.1 along the other directions.
@@ -79,6 +85,7 @@ pub struct OdometryState {
     ground_tilt: GroundTilt,
     turn: TurnShare,
     weak_track: WeakTrack,
+    prediction_error: PredictionError,
     moving: MovingDetector,
     maps: SavedMaps,
 }
@@ -111,6 +118,7 @@ impl Odometry {
             ground_tilt: GroundTilt::default(),
             turn: TurnShare::default(),
             weak_track: WeakTrack::default(),
+            prediction_error: PredictionError::default(),
             moving: MovingDetector::default(),
             maps: SavedMaps::default(),
         };
@@ -223,7 +231,7 @@ impl Odometry {
         let initial =
             InitialMotion::from_log(&self.state.log, [first.mid_stamp, second.mid_stamp], &self.settings.mounting);
         let start = initialize(first, &second, seconds, &self.state.begin, &initial, settings)
-            .filter(|start| is_plausible(&start.second));
+            .filter(|start| is_plausible(&start.second, seconds));
         let Some(start) = start else {
             // The motion is unknown: the second sweep becomes the first one, at the same pose.
             let at_rest = registered(first, SweepMotion::still(self.state.begin), None, false);
@@ -292,7 +300,8 @@ impl Odometry {
 
         // 3. Matching (III-D, equations 1 to 5). Planar features first. If they leave a direction nearly unconstrained,
         //   rough features are added.
-        let matching = |samples, prediction| match_features(samples, &self.maps, prediction, &self.settings.matching);
+        let settings = settings_at(&self.settings.matching, seconds);
+        let matching = |samples, prediction| match_features(samples, &self.maps, prediction, &settings);
         let is_poor = |found: &Option<Match>| {
             found.as_ref().is_none_or(|found| found.matched.least_influence < self.settings.matching.rough_below)
         };
@@ -316,9 +325,15 @@ impl Odometry {
         // 4. Acceptance: the match must have converged with enough small residuals, within the acceleration limits of a
         //   vehicle. Otherwise the prediction replaces it.
         let is_acceptable = |Match { matched, .. }: &Match| {
-            is_plausible(matched) && is_reachable(&matched.motion.mid, &prediction.motion.mid, seconds)
+            is_plausible(matched, seconds) && is_reachable(&matched.motion.mid, &prediction.motion.mid, seconds)
         };
         let mut found = found.filter(is_acceptable);
+        if near_map.is_none()
+            && let Some(wide) = self.wide_match(features, matched_by, last, &prediction, found.as_ref())
+        {
+            along_track = None;
+            found = Some(wide);
+        }
 
         // 5. Along-track observability: in traffic at its own speed the vehicle appears to stand. If the scene does not
         //   constrain the along-track position, the sweep is matched again without the features that face along the
@@ -359,6 +374,8 @@ impl Odometry {
             is_left_to_receiver,
             is_by_overlap: along_track.is_some(),
         });
+        let matched_at = matched.as_ref().map(|matched| &matched.motion.mid);
+        self.state.prediction_error.update(&by_sensors.motion.mid, matched_at, seconds);
         let estimate = Estimate { motion, matched, contrast, along_track };
         self.update(features, sweep, estimate, last, &predicted)
     }

@@ -23,6 +23,10 @@ impl Maps {
     pub fn map_for(&self, feature: &Feature) -> &LocalMap {
         if feature.is_rough { &self.rough } else { &self.smooth }
     }
+    /// The points of both maps.
+    pub fn points(&self) -> impl Iterator<Item = MapPoint> {
+        self.smooth.points().into_iter().chain(self.rough.points())
+    }
     /// Adds the features of a sweep, see [`LocalMap::insert`].
     pub fn insert(
         &mut self,

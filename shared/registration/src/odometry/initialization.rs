@@ -4,6 +4,9 @@
 //! along the vehicle's forward axis are tried. Each speed deskews *both* sweeps; the speed with the lowest cost is
 //! used.
 
+use super::distant::{is_distant, settings_at};
+use super::top_view::{SearchExtent, poses_by_top_view};
+use super::upright_cost::upright_cost;
 use crate::features::sweep_features::SweepFeatures;
 use crate::map::maps::Maps;
 use crate::matching::{MatchSettings, Matched, Prediction, match_features};
@@ -22,6 +25,12 @@ const DISPLACEMENTS_M: [f64; 11] = [0.0, 0.4, 0.8, 1.2, 1.6, 2.0, 2.4, 2.8, 3.2,
 /// A speed other than zero must lower the cost by this factor. In a tunnel all speeds fit equally well; a car at 8 m/s
 /// between houses (KITTI raw 0048) fits 15 % better at its true speed.
 const STANDSTILL_FACTOR: f64 = 0.9;
+/// Limits of the search between distant sweeps: highway speed, the range of the compared surfaces, and the turn of a car in a second.
+const MAX_SPEED_MPS: f64 = 35.0;
+const MAX_SHIFT_M: f64 = 20.0;
+const MAX_TURN_RAD: f64 = 0.9;
+/// Matched candidates of that search.
+const N_CANDIDATES: usize = 6;
 /// Rounds that rebuild the first sweep with the estimated speed. Each reduces the error by a factor of ten or more.
 const REFINEMENTS: usize = 3;
 /// Validity time of a GNSS velocity, s.
@@ -63,6 +72,8 @@ pub(crate) fn initialize(
     initial: &InitialMotion,
     settings: &MatchSettings,
 ) -> Option<InitialMatch> {
+    let settings = settings_at(settings, seconds);
+    let settings = &*settings;
     let forward_in_lidar = begin.rotation.inverse() * Vector3::x();
     let attempt = |velocity: Velocity| {
         let motion = motion_from_begin(begin, &velocity, first.duration_s);
@@ -88,10 +99,22 @@ pub(crate) fn initialize(
             .iter()
             .filter_map(|displacement_m| Some((*displacement_m, at_speed(displacement_m / seconds)?)));
         // Where geometry is degenerate, noise must not decide between equal costs.
+        let rest = |displacement_m: f64| if displacement_m == 0.0 { STANDSTILL_FACTOR } else { 1.0 };
+        if !is_distant(seconds) {
+            let cost = |(displacement_m, start): &(f64, InitialMatch)| start.second.cost * rest(*displacement_m);
+            return starts.min_by(|a, b| cost(a).total_cmp(&cost(b))).map(|(_, start)| start);
+        }
+        let far = far_poses(first, second, begin, seconds).into_iter().filter_map(|mid| {
+            let start = attempt(Velocity::between(begin, &mid, seconds))?;
+            let again = attempt(Velocity::between(&start.first.mid, &start.second.motion.mid, seconds))?;
+            Some((f64::INFINITY, again))
+        });
         let cost = |(displacement_m, start): &(f64, InitialMatch)| {
-            start.second.cost * if *displacement_m == 0.0 { STANDSTILL_FACTOR } else { 1.0 }
+            let maps = Maps::from_sweep(&first.features, &start.first);
+            upright_cost(&second.matching, &maps, &start.second.motion, settings) * rest(*displacement_m)
         };
-        starts.min_by(|a, b| cost(a).total_cmp(&cost(b))).map(|(_, start)| start)
+        let costs = starts.chain(far).map(|start| (cost(&start), start.1));
+        costs.min_by(|(a, _), (b, _)| a.total_cmp(b)).map(|(_, start)| start)
     };
     let mut best = initial.speed.and_then(at_speed).or_else(search)?;
     for _ in 0..REFINEMENTS {
@@ -99,6 +122,14 @@ pub(crate) fn initialize(
         best = attempt(velocity)?;
     }
     Some(best)
+}
+
+/// Poses of the second sweep, beyond the radius of a match, at which its upright surfaces lie on those of the first.
+fn far_poses(first: &SweepFeatures, second: &SweepFeatures, begin: &Pose, seconds: f64) -> Vec<Pose> {
+    let still = SweepMotion::still(*begin);
+    let maps = Maps::from_sweep(&first.features, &still);
+    let extent = SearchExtent { turn_rad: MAX_TURN_RAD, shift_m: (MAX_SPEED_MPS * seconds).min(MAX_SHIFT_M) };
+    poses_by_top_view(&second.features, maps.points(), &still, &extent, N_CANDIDATES)
 }
 
 /// The motion at constant velocity that starts at `begin`.

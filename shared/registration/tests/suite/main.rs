@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "tests fail by panicking")]
 
 mod imls;
+mod large_motion;
 mod other_sensors;
 mod real_sweeps;
 mod support;
