@@ -124,7 +124,7 @@ pub(crate) fn initialize(
     Some(best)
 }
 
-/// Poses of the second sweep, beyond the radius of a match, at which its upright surfaces lie on those of the first.
+/// Poses of the second sweep, beyond the radius of a match, at which its upright surfaces lie on the same ones of the first.
 fn far_poses(first: &SweepFeatures, second: &SweepFeatures, begin: &Pose, seconds: f64) -> Vec<Pose> {
     let still = SweepMotion::still(*begin);
     let maps = Maps::from_sweep(&first.features, &still);

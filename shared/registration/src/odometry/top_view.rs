@@ -1,7 +1,7 @@
 //! Poses far from a prediction, by the overlap of upright surfaces in a top view.
 //!
 //! A match finds the map only within its search radius of half a metre. A sweep after a fast turn, or a second after the last one,
-//! lies beyond it. In a top view, facades, trunks and hedges of the sweep lie on those of the map at the correct heading and
+//! lies beyond it. In a top view, facades, trunks and hedges of the sweep lie on the same ones in the map at the correct heading and
 //! position. All headings and positions within reach are compared, and the best ones are candidates for a match.
 
 use crate::{Feature, MapPoint, SweepMotion};

@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 
 /// A prediction that is wrong by more, at a range of 10 m, is beyond the search radius of a match, m.
 const WRONG_PREDICTION_M: f64 = 0.5;
-/// Matched candidates of a search. With six, each tenth sweep of muehlburger has 17 of 19 right steps instead of 19.
+/// Matched candidates of a search. Six give the same share of right steps on muehlburger at 1 Hz, and cost more.
 const N_CANDIDATES: usize = 4;
 /// Rounds with the coarse radius from a candidate, whose error is up to half a metre.
 const COARSE_ROUNDS: u32 = 6;
