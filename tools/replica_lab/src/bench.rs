@@ -1,5 +1,6 @@
 //! `replica-lab bench`: measures cost and throughput of a pipeline.
 
+mod compare;
 mod configuration;
 mod machine;
 mod measured_run;
@@ -11,6 +12,7 @@ use anyhow::{Context, bail};
 use command_line::answer::Answer;
 use command_line::exit_code;
 use command_line::say_error;
+use compare::CompareArgs;
 use configuration::Configuration;
 use machine::Machine;
 use measured_run::{Failure, measure};
@@ -22,10 +24,11 @@ use std::process::ExitCode;
 /// Measure throughput, CPU, memory and latencies of a pipeline.
 ///
 /// Runs a launch file several times, and compares numbers of cores. The report goes to stdout and into the files DATE-COMMIT.md and
-/// DATE-COMMIT.json in the folder of --out.
+/// DATE-COMMIT.json in the folder of --out. With --compare, nothing runs: two of these JSON files are compared.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage, 3 the runs processed different data, 78 invalid configuration\n\n\
+    after_help = "Exit codes: 0 done, 1 failed, or --compare found a regression; 2 wrong usage, or reports that cannot be compared; \
+                  3 the runs processed different data, 78 invalid configuration\n\n\
                   Example: replica-lab bench launch.toml --runs 3 --out reports"
 )]
 pub struct Args {
@@ -51,11 +54,17 @@ pub struct Args {
     #[arg(long = "set", value_name = "TABLE.KEY=VALUE")]
     overrides: Vec<String>,
     #[command(flatten)]
+    compare: CompareArgs,
+    #[command(flatten)]
     answer: Answer,
 }
 
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    if let Some(comparison) = args.compare.comparison()? {
+        args.answer.print(&comparison, || comparison.text())?;
+        return Ok(if comparison.has_regression() { ExitCode::FAILURE } else { ExitCode::SUCCESS });
+    }
     if args.profile {
         profile::check()?;
     }

@@ -1,7 +1,7 @@
 //! Where the processor time of each stage goes: one run under `perf`, which Linux distributions have as a package.
 
 use anyhow::{Context, bail};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::fmt::Write;
@@ -21,7 +21,7 @@ const NAME_CHARS: usize = 15;
 const LIBRARIES: [&str; 7] = ["core", "alloc", "std", "rayon", "rayon_core", "pulp", "hashbrown"];
 
 /// The most expensive functions of a process.
-#[derive(Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct ProcessProfile {
     /// Its program, as the kernel cuts it.
     pub name: String,

@@ -5,21 +5,23 @@ use super::profile::{self, ProcessProfile};
 use super::series::{Series, Spread};
 use files::calendar::date_from_days;
 use run::summary::{StageSummary, Summary};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::fmt::Write;
 use std::path::Path;
 use std::time::SystemTime;
 
 /// All measurements, and the machine.
-#[derive(Serialize)]
+#[derive(Clone, Serialize, Deserialize)]
 pub struct Report {
     /// Day of the first run, UTC.
     pub date: String,
     /// See [`Machine`].
     pub machine: Machine,
-    launch_file: String,
+    /// Launch file, as it was given.
+    pub launch_file: String,
     runs: u32,
-    series: Vec<Series>,
+    /// Runs of each configuration.
+    pub series: Vec<Series>,
     /// Profiles of the first configuration, if requested.
     pub profiles: Vec<ProcessProfile>,
 }

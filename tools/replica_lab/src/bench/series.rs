@@ -2,10 +2,10 @@
 
 use super::configuration::Configuration;
 use run::summary::Summary;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// All runs of one configuration.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Series {
     /// The configuration.
     pub configuration: Configuration,

@@ -1,5 +1,6 @@
 //! The commands of `replica-lab`, run as processes.
 
+mod bench;
 mod color_lines;
 mod commands;
 mod cube;

@@ -1,0 +1,58 @@
+//! `replica-lab bench --compare`: exit codes and answers on a kept report.
+
+use crate::support::{printed, replica_lab, succeeded, text};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+
+/// A report of three runs.
+const KEPT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../lab/runs/2026-11-23-388659e-sample.json");
+
+/// A copy of the report after a change of each of its runs.
+fn changed(folder: &Path, name: &str, change: impl Fn(&mut Vec<Value>)) -> PathBuf {
+    let mut report: Value = serde_json::from_slice(&std::fs::read(KEPT).expect("a report")).expect("JSON");
+    for series in report["series"].as_array_mut().expect("a list") {
+        change(series["runs"].as_array_mut().expect("a list"));
+    }
+    let path = folder.join(name);
+    std::fs::write(&path, report.to_string()).expect("written");
+    path
+}
+
+#[test]
+fn regression_ends_with_1_and_equal_reports_with_0() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let same = succeeded(&replica_lab(&["bench", "--compare", KEPT, KEPT, "--limit", "5"]));
+    assert!(same.contains(" 0 worse, 0 better, 0 changed within the noise"), "{same}");
+    let slower = changed(folder.path(), "slower.json", |runs| {
+        for run in runs {
+            let cpu_s = run["stages"][1]["cpu_s"].as_f64().expect("a number");
+            run["stages"][1]["cpu_s"] = (cpu_s * 3.0 + 1.0).into();
+        }
+    });
+    let found = replica_lab(&["bench", "--compare", KEPT, text(&slower), "--json"]);
+    assert_eq!(found.status.code(), Some(1), "{}", printed(&found));
+    let answer: Value = serde_json::from_slice(&found.stdout).expect("JSON");
+    let rows = answer["rows"].as_array().expect("a list");
+    let worse: Vec<&Value> = rows.iter().filter(|row| row["verdict"] == "worse").collect();
+    assert!(!worse.is_empty());
+    for row in worse {
+        assert_eq!((&row["stage"], &row["figure"]), (&"slam_aggregate".into(), &"processor, s".into()), "{row}");
+    }
+}
+
+#[test]
+fn reports_that_cannot_be_compared_end_with_2_and_the_reason() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let two = changed(folder.path(), "two.json", |runs| drop(runs.pop()));
+    let invalid = folder.path().join("invalid.json");
+    std::fs::write(&invalid, "{\"date\": 1}").expect("written");
+    for (report, reason) in [
+        (text(&two), "2 runs with 2 cores: a median needs at least 3"),
+        (text(&invalid), "not a JSON report of `replica-lab bench`"),
+        ("absent.json", "absent.json: "),
+    ] {
+        let refused = replica_lab(&["bench", "--compare", KEPT, report]);
+        assert_eq!(refused.status.code(), Some(2), "{report}: {}", printed(&refused));
+        assert!(printed(&refused).contains(reason), "{}", printed(&refused));
+    }
+}
