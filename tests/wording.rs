@@ -127,7 +127,16 @@ fn lines_with_fragments(text: &str) -> Vec<String> {
 fn comments_messages_and_pages_are_plain_english() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut files = files(root, &["rs", "md", "toml", "py", "ts", "html", "yml", "yaml"]);
-    let scripts = [".ci/run", ".ci/quick", ".ci/oldest", "justfile", "docs/site/build", "packaging/deb", "packaging/workflow/test", "packaging/kubernetes/test"];
+    let scripts = [
+        ".ci/run",
+        ".ci/quick",
+        ".ci/oldest",
+        "justfile",
+        "docs/site/build",
+        "packaging/deb",
+        "packaging/workflow/test",
+        "packaging/kubernetes/test",
+    ];
     files.extend(scripts.map(|script| root.join(script)));
     // This list itself.
     files.retain(|file| !file.ends_with(file!()));

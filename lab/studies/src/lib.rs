@@ -8,6 +8,7 @@
 //! | `color_truth`, `color_seams`, `offset_of_run` | colors, spectra and offsets of a run against its simulated town |
 //! | `town_scores`, `street_boxes` | instances, and the effect of each setting; vehicles and people of real streets with boxes |
 //! | `compare_sweeps`, `gnss_error`, `town_map`, `camera_pictures`, `catalogue`, `material_spectra` | the simulator next to reality; its pictures |
+//! | `campaign` | costs of finished runs; a campaign of many drives on a cluster with failures |
 //! | `write_ground_model` | writes `models/ground.safetensors` |
 //!
 //! No program and no test may depend on a study. Code that a program needs belongs in a library; a property that must hold

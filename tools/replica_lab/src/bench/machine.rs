@@ -19,6 +19,10 @@ pub struct Machine {
     pub load: f64,
     /// Short commit hash of the tree of the launch file, followed by `dirty` if files differ from it.
     pub commit: String,
+    /// Version and commit of the programs, as `replica-lab --version`; empty in old reports. The programs may be from another tree than
+    /// the launch file.
+    #[serde(default)]
+    pub version: String,
 }
 
 impl Machine {
@@ -40,6 +44,7 @@ impl Machine {
             kernel: unknown(Some(read("/proc/sys/kernel/osrelease").trim().to_owned())),
             load: load.unwrap_or_default(),
             commit: unknown(commit(launch_file)),
+            version: env!("REPLICA_VERSION").to_owned(),
         }
     }
 }

@@ -82,10 +82,10 @@ impl Report {
     }
 
     fn head(&self) -> String {
-        let Machine { cpu, cores, memory_bytes, kernel, load, commit } = &self.machine;
+        let Machine { cpu, cores, memory_bytes, kernel, load, commit, version } = &self.machine;
         let warning = if self.runs_agree() { "" } else { "\n**The runs processed different data.**\n" };
         format!(
-            "# {} at {commit}, {}\n\n{cpu}, {cores} cores, {:.1} GiB, Linux {kernel}; load before the first run {load:.2}. \
+            "# {} at {commit}, {}\n\n{cpu}, {cores} cores, {:.1} GiB, Linux {kernel}; programs {version}; load before the first run {load:.2}. \
              Medians of {} runs of each configuration, interleaved, after one run that is not measured.\n{warning}",
             self.launch_file,
             self.date,

@@ -106,6 +106,25 @@ fn noise_is_not_a_regression_and_is_named() {
     assert!(n_noise > 50, "{n_noise}");
 }
 
+/// Share of the comparisons of equal builds in which a figure with 10 % of normal noise is worse.
+fn share_of_false_alarms(n_runs: usize) -> f64 {
+    let mut random = Random::new(11);
+    let mut interval =
+        || Interval::from_values((0..n_runs).map(|_| 100.0 * (1.0 + 0.1 * f64::from(random.gauss()))).collect());
+    let figure = Figure { name: "wall, s", better: Better::Lower, floor: 0.0 };
+    let n_worse = (0..20_000).filter(|_| verdict(&interval(), &interval(), &figure, 5.0) == Verdict::Worse).count();
+    n_worse as f64 / 20_000.0
+}
+
+#[test]
+fn false_alarms_are_rarer_with_more_runs() {
+    let [three, five, nine] = [3, 5, 9].map(share_of_false_alarms);
+    // The documentation of `verdict` states them.
+    assert!((0.015..0.025).contains(&three), "{three}");
+    assert!((0.0001..0.002).contains(&five), "{five}");
+    assert!(nine < 0.002, "{nine}");
+}
+
 #[test]
 fn regression_is_found_in_noise_with_more_runs() {
     let noisy = |infer_s, seed| report(Build { runs: 15, noise: 0.05, infer_s, seed, ..BUILD });
