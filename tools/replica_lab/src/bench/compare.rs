@@ -113,6 +113,8 @@ impl Comparison {
 fn compare(a: &NamedReport, b: &NamedReport, limit_percent: f64) -> Result<Comparison, UsageError> {
     let mut found = Vec::new();
     let mut notes = machine_notes(&a.report, &b.report);
+    check_configurations(a)?;
+    check_configurations(b)?;
     for x in &a.report.series {
         let Some(y) = b.report.series.iter().find(|series| series.configuration == x.configuration) else {
             notes.push(format!("{} is only in A", x.configuration));
@@ -164,6 +166,19 @@ fn machine_notes(a: &Report, b: &Report) -> Vec<String> {
         }
     }
     notes
+}
+
+/// Reports of older versions have a series for each transport with the same number of cores.
+fn check_configurations(report: &NamedReport) -> Result<(), UsageError> {
+    let series = &report.report.series;
+    let is_repeated = |index: usize| series[..index].iter().any(|s| s.configuration == series[index].configuration);
+    match (0..series.len()).find(|index| is_repeated(*index)) {
+        None => Ok(()),
+        Some(index) => Err(UsageError(format!(
+            "{}: two series with {}: written by an older version; measure again",
+            report.name, series[index].configuration
+        ))),
+    }
 }
 
 fn check_runs(name: &str, series: &Series) -> Result<(), UsageError> {
