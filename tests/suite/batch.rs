@@ -333,3 +333,24 @@ fn plan_follows_from_the_drives_that_are_finished() {
     let efficiencies: Vec<&str> = plan.text.lines().skip(2).filter_map(|line| line.split_whitespace().nth(2)).collect();
     assert_eq!(efficiencies, ["100", "60", "67"], "{}", plan.text);
 }
+
+/// SLURM signals every process of a job when it is requeued, cancelled, or at its limit.
+#[test]
+fn sigterm_to_every_process_of_a_batch_drains_it_and_the_same_command_continues() {
+    let batch = Batch::misbehaving(&format!("{SOURCE}\npace_ms = 100"), "");
+    let mut stopped = batch.start(&DRIVES);
+    batch.wait_for_barrier("monday", "sink", 1);
+    let run = processes_of(stopped.id());
+    let stages: Vec<Pid> = run.iter().flat_map(|run| processes_of(run.as_raw_nonzero().get() as u32)).collect();
+    assert_eq!((run.len(), stages.len()), (1, 3));
+    for process in stages.into_iter().chain(run).chain([Pid::from_child(&stopped)]) {
+        kill_process(process, Signal::TERM).expect("it lives");
+    }
+    assert_eq!(stopped.wait().expect("waits").code(), Some(3), "{}", batch.log("monday"));
+    assert!(batch.log("monday").contains("draining"), "{}", batch.log("monday"));
+    assert_eq!(leftovers(&domain_of(&batch.output("monday"))), Vec::<String>::new());
+    let again = batch.run(&DRIVES, &[]);
+    assert_eq!(again.code, Some(0), "{}", again.text);
+    assert!(batch.log("monday").contains("resuming from barrier"), "{}", batch.log("monday"));
+    batch.assert_undisturbed(&DRIVES);
+}

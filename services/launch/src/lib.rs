@@ -54,6 +54,7 @@ use shell_files::ShellFiles;
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::time::Duration;
 use supervise::{Options, Start};
 
 /// Runs the stages of a launch file, each as its own process.
@@ -109,6 +110,9 @@ struct Arguments {
     /// End at once, as if killed, when this parent process ends
     #[arg(long, value_name = "PID")]
     end_with: Option<u32>,
+    /// Wait up to this long for another run that writes into the output, also on another host
+    #[arg(long, value_name = "SECONDS", default_value_t = 0, value_parser = clap::value_parser!(u32).range(..=31_536_000))]
+    wait: u32,
     /// Format of the messages on stderr and of the stages' logs
     #[arg(long, value_enum, default_value_t = LogFormat::Text)]
     log: LogFormat,
@@ -137,6 +141,7 @@ pub fn main() -> ExitCode {
         return ExitCode::from(exit::FAILED);
     }
     let changes = arguments.changes();
+    let wait = Duration::from_secs(u64::from(arguments.wait));
     let selection = Selection { source: arguments.source, without: arguments.without, recorded: arguments.topics };
     let plan = match check::plan(&arguments.launch_file, &changes, &selection) {
         Ok(plan) => plan,
@@ -147,7 +152,7 @@ pub fn main() -> ExitCode {
     }
     if arguments.check {
         let printed = print(&checked(&arguments.launch_file, &plan));
-        return if arguments.resume { ExitCode::from(supervise::check_resume(plan)) } else { printed };
+        return if arguments.resume { ExitCode::from(supervise::check_resume(plan, wait)) } else { printed };
     }
     let Arguments { resume, overwrite, log, metrics, record, .. } = arguments;
     let start = match (resume, overwrite) {
@@ -155,7 +160,7 @@ pub fn main() -> ExitCode {
         (false, true) => Start::Overwrite,
         (false, false) => Start::New,
     };
-    ExitCode::from(supervise::run(plan, Options { start, log, metrics, record }))
+    ExitCode::from(supervise::run(plan, Options { start, log, metrics, record, wait }))
 }
 
 /// Reports why the launch file is not used. Returns the exit code.

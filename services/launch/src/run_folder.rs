@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `domain` | the name of the run in shared memory |
 //! | `lock` | held by the supervisor of the run and by all processes that it starts |
+//! | `leases/<epoch>.json` | the lease of the supervisor, for other kernels ([`lease`]) |
 //! | `launch.toml`, `settings.json` | the launch file, and the settings resolved from it |
 //! | `wiring.json` | description of the run for observers ([`Wiring`]) |
 //! | `<stage>.json` | the assignment of the stage |
@@ -16,10 +17,12 @@
 //! writes and the first that the next one removes, and every file that is read again is complete or absent.
 
 mod domain;
+mod lease;
 mod lock;
 mod states;
 mod used;
 
+pub use lock::Patience;
 pub use used::EarlierResults;
 
 use crate::identity::{Files, UnreadableFile};
@@ -28,7 +31,9 @@ use crate::swap_record::SwapRecord;
 use files::atomic_file::write_atomic;
 use files::regular_file;
 use ipc::{Domain, IpcError};
+use lease::HeldLease;
 use run::assignment::{Assignment, Restart};
+use run::process::boottime_nanos;
 use run::summary::{REPORT_FILES, Summary};
 use run::wiring::Wiring;
 use serde::{Deserialize, Serialize};
@@ -91,6 +96,36 @@ pub enum RunFolderError {
         /// Folder of the results.
         output: PathBuf,
     },
+    /// A run on another host holds the lease.
+    #[error(
+        "{output}: a run on host {host} (process {pid}) is writing here; wait for its end with --wait SECONDS, or end it there"
+    )]
+    InUseElsewhere {
+        /// Folder of the results.
+        output: PathBuf,
+        /// Its host.
+        host: String,
+        /// Its supervisor.
+        pid: u32,
+    },
+    /// The operator ended the wait for another run.
+    #[error("{output}: the wait for another run that writes here was ended")]
+    WaitEnded {
+        /// Folder of the results.
+        output: PathBuf,
+    },
+    /// Another run has taken the output over while this one stood still.
+    #[error("{file}: another run has taken over this output; this one ends and writes nothing further")]
+    LeaseLost {
+        /// File of the other run's lease, or the removed file of the own one.
+        file: PathBuf,
+    },
+    /// The lease has not been renewed in time.
+    #[error("{output}: the lease cannot be renewed, so another run may write here; continue with --resume")]
+    LeaseExpired {
+        /// Folder of the results.
+        output: PathBuf,
+    },
     /// A new run would replace the results of an earlier one.
     #[error("{output}: holds the results of {results}")]
     Used {
@@ -139,19 +174,44 @@ pub struct RunFolder {
     folder: PathBuf,
     output: PathBuf,
     states: States,
+    /// Released before the lock, so that the next run on this host finds it released.
+    lease: HeldLease,
     _lock: File,
 }
 
 impl RunFolder {
     /// Creates and locks the folder under `output`. Every process that this one starts inherits the lock: it is free
-    /// only after the last process of a run has ended, so that none of them writes into the next run.
-    pub fn lock(output: &Path) -> Result<Self, RunFolderError> {
+    /// only after the last process of a run has ended, so that none of them writes into the next run. The lease does the
+    /// same for other kernels.
+    pub fn lock(output: &Path, patience: &mut Patience<'_>) -> Result<Self, RunFolderError> {
         let folder = output.join("run");
         create_run_folder(&folder)?;
         // From here on one folder has one name, regardless of links.
         let output = canonical(output)?;
-        let lock = lock::take(&folder.join("lock"), &output)?;
-        Ok(Self { states: States::new(folder.join("states")), folder, output, _lock: lock })
+        let lock = lock::take(&folder.join("lock"), &output, patience)?;
+        let lease = lock::take_lease(&folder.join("leases"), &output, patience)?;
+        Ok(Self { states: States::new(folder.join("states")), folder, output, lease, _lock: lock })
+    }
+
+    /// The end of the time in which stages may begin a step, see [`Command::valid_until_nanos`].
+    ///
+    /// [`Command::valid_until_nanos`]: run::assignment::Command::valid_until_nanos
+    pub fn valid_until_nanos(&self) -> u64 {
+        self.lease.valid_until_nanos()
+    }
+
+    /// Reports that another run has taken the output over. A lease that is only late is not an error yet: stages wait for it.
+    pub fn refuse_lost_lease(&self) -> Result<(), RunFolderError> {
+        self.lease.take_lost().map_or(Ok(()), |lost| Err(RunFolderError::LeaseLost { file: lost.file }))
+    }
+
+    /// Reports that this run may not write its results now.
+    pub fn refuse_invalid_lease(&self) -> Result<(), RunFolderError> {
+        self.refuse_lost_lease()?;
+        if boottime_nanos() < self.lease.valid_until_nanos() {
+            return Ok(());
+        }
+        Err(RunFolderError::LeaseExpired { output: self.output.clone() })
     }
 
     /// The name of the run in shared memory.

@@ -33,7 +33,7 @@ use crate::log::LogFormat;
 use crate::plan::Plan;
 use crate::programs;
 use crate::resources::{Resources, lacks_shared_memory};
-use crate::run_folder::{RunFolder, RunFolderError, canonical};
+use crate::run_folder::{Patience, RunFolder, RunFolderError, canonical};
 use crate::swap::Swaps;
 use account::Account;
 use attempt::Ending;
@@ -43,6 +43,7 @@ use observers::Observers;
 use operator::Operator;
 use run::summary::{REPORT_FILES, Summary};
 use run::{Mode, Outcome, exit};
+use signal_hook::consts::SIGTERM;
 use stage_restarts::StageRestarts;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -71,6 +72,8 @@ pub struct Options {
     pub metrics: Option<PathBuf>,
     /// Recording of the plan's recorded topics.
     pub record: Option<PathBuf>,
+    /// Longest wait for another run that writes into the output.
+    pub wait: Duration,
 }
 
 /// Runs the plan to its end. Returns the exit code.
@@ -103,10 +106,11 @@ struct Supervisor {
 
 impl Supervisor {
     fn new(mut plan: Plan, options: Options) -> Result<Self, SuperviseError> {
-        let Options { start, log: format, metrics, record } = options;
-        let signals = operator::signals()?;
+        let Options { start, log: format, metrics, record, wait } = options;
+        let mut signals = operator::signals()?;
         let metrics = observers::metrics(metrics.as_deref())?;
-        let folder = RunFolder::lock(&plan.context.output)?;
+        let is_over = &mut || signals.pending().count() > 0;
+        let folder = RunFolder::lock(&plan.context.output, &mut Patience { wait, is_over })?;
         plan.context.output = canonical(&plan.context.output)?;
         // Checked before the drive is simulated, which takes minutes.
         if start == Start::New || (start == Start::Resume && !folder.has_begun()) {
@@ -151,6 +155,9 @@ impl Supervisor {
             self.refuse_changed_files()?;
             let ending = self.attempt(from);
             self.run.domain.wipe()?;
+            if let Err(SuperviseError::Folder(RunFolderError::LeaseLost { .. })) = ending {
+                return ending.map(|_| exit::FAILED);
+            }
             if let Some(reason) = failure(&ending)
                 && let Some(barrier) = self.swaps.undo(reason, &mut self.run, &mut self.operator.control)?
             {
@@ -241,6 +248,8 @@ impl Supervisor {
         barrier: Option<u64>,
         budget: RestartBudget,
     ) -> Result<RestartBudget, Outcome> {
+        // The signal that ended the stage may also have been sent to this process.
+        self.operator.poll(&mut self.swaps, &self.run);
         let lack = lacks_shared_memory(None);
         let policy = Policy::new(&self.run.plan.settings, &self.run.plan.stages);
         let attempt = FailedAttempt {
@@ -251,6 +260,7 @@ impl Supervisor {
             is_memory_low: lack.is_some(),
         };
         let decision = restart_run(&attempt, &policy);
+        let is_terminated = fault.signal() == Some(SIGTERM);
         self.account.faults.push(fault);
         match decision {
             RunDecision::Restart { delay, budget } => {
@@ -261,6 +271,8 @@ impl Supervisor {
                 self.account.restarts += 1;
                 Ok(budget)
             }
+            // A stage that got the SIGTERM of its whole job before it could ignore it: the run continues another time.
+            RunDecision::GiveUp(GiveUp::EndRequested) if is_terminated => Err(Outcome::Stopped),
             RunDecision::GiveUp(GiveUp::EndRequested) => Err(Outcome::Failed),
             RunDecision::GiveUp(reason) => {
                 if let Some(lack) = lack {
@@ -301,6 +313,7 @@ impl Supervisor {
 
     /// Writes the summary and ends the observers. Returns the exit code.
     fn finish(mut self, outcome: Outcome) -> Result<u8, SuperviseError> {
+        self.run.folder.refuse_invalid_lease()?;
         let wall_s = self.account.wall_s();
         self.observers.write_last(&self.account.health, &self.run.domain, self.account.restarts);
         self.swaps.close(&mut self.operator.control);

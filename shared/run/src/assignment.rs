@@ -143,4 +143,7 @@ pub struct Command {
     pub pause: bool,
     /// The supervisor has received a heartbeat of this process, so it will receive the last one: the process may end.
     pub heard: bool,
+    /// End of the time in which the stage may begin a step, on the clock of [`crate::process::boottime_nanos`]: until then no
+    /// other run writes into the output. 0: before the first command. `u64::MAX`: without end.
+    pub valid_until_nanos: u64,
 }

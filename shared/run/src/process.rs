@@ -69,6 +69,11 @@ pub fn monotonic_nanos() -> u64 {
     nanos_of(ClockId::Monotonic)
 }
 
+/// The monotonic clock, which also counts the time in which the machine is suspended.
+pub fn boottime_nanos() -> u64 {
+    nanos_of(ClockId::Boottime)
+}
+
 /// User and system time of the calling thread.
 pub fn thread_cpu_nanos() -> u64 {
     nanos_of(ClockId::ThreadCPUTime)
@@ -154,6 +159,9 @@ pub fn stage_command(program: &Path, python: &str, n_threads: usize) -> Command 
     }
     command
 }
+
+/// The signal by which a supervisor stops its stages. Programs without a handler also end with it.
+pub const STOP_STAGE: rustix::process::Signal = rustix::process::Signal::USR1;
 
 /// A process that cannot be bound to its supervisor.
 #[derive(Debug, thiserror::Error)]

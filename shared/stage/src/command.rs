@@ -77,6 +77,9 @@ fn check(program: &dyn Program, request: &CheckRequest) -> Vec<Problem> {
     }
 }
 
+/// The signal by which a supervisor stops its stages.
+const STOP_SIGNAL: i32 = run::process::STOP_STAGE.as_raw();
+
 fn run_assignment(program: &dyn Program, path: &Path) -> u8 {
     log::start();
     let assignment = regular_file::read(path)
@@ -115,8 +118,12 @@ fn run_assignment(program: &dyn Program, path: &Path) -> u8 {
     let epoch = assignment.restart.as_ref().map_or(0, |restart| restart.epoch);
     let _span = tracing::info_span!("stage", stage = %assignment.stage, epoch).entered();
     let stop = Arc::new(AtomicBool::new(false));
-    if let Err(error) = signal_hook::flag::register(signal_hook::consts::SIGTERM, Arc::clone(&stop)) {
-        tracing::error!("SIGTERM: {error}");
+    // Schedulers send SIGTERM to all processes of a job. The supervisor drains the run, for which it needs its stages: they
+    // ignore SIGTERM, end with their supervisor, and stop when it sends the other signal.
+    let ignored = signal_hook::flag::register(signal_hook::consts::SIGTERM, Arc::new(AtomicBool::new(false)));
+    let stopped = signal_hook::flag::register(STOP_SIGNAL, Arc::clone(&stop));
+    if let Err(error) = ignored.and(stopped) {
+        tracing::error!("signals cannot be received: {error}");
         return exit::FAILED;
     }
     match crate::runner::run(program, &*stage, &assignment, stop) {

@@ -15,7 +15,7 @@ use messages::{NO_DRIVE_TIME, TickRow};
 use run::assignment::{Assignment, Command, wake_name};
 use run::health::{Activity, Health, Heartbeat, Latency, Pulse};
 use run::histogram::Histogram;
-use run::process::{end_with, monotonic_nanos};
+use run::process::{boottime_nanos, end_with, monotonic_nanos};
 use saving::Saving;
 use std::collections::BTreeMap;
 use std::rc::Rc;
@@ -250,6 +250,9 @@ impl<'a> Runner<'a> {
     fn tick(&mut self) -> Result<Option<bool>, StepError> {
         let waiter = Rc::clone(&self.ports.waiter);
         let Some(row) = waiter.transporting(|| self.gather())? else { return Ok(None) };
+        if !self.wait_for_lease()? {
+            return Ok(None);
+        }
         let _span = tracing::debug_span!("tick", tick = row.tick).entered();
         let mut inputs = Inputs::default();
         for input in &mut self.inputs {
@@ -259,6 +262,18 @@ impl<'a> Runner<'a> {
         self.complete(row)?;
         self.ages.add(monotonic_nanos().saturating_sub(row.born_nanos));
         Ok(Some(row.end != 0))
+    }
+
+    /// Waits until the supervisor has renewed the lease of the output, if its time has passed: the machine or the disk stood
+    /// still, and another run may write into the output since. `false` if the run is being stopped.
+    fn wait_for_lease(&mut self) -> Result<bool, StepError> {
+        if boottime_nanos() < self.command.valid_until_nanos {
+            return Ok(true);
+        }
+        let control = &self.control;
+        let command = &mut self.command;
+        let is_renewed = || read_command(control, command).map(|()| boottime_nanos() < command.valid_until_nanos);
+        self.ports.waiter.wait_until(|| Activity::Paused, is_renewed)
     }
 
     /// The step of a tick. `true` if it had input; only then is its time measured.

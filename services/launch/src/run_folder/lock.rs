@@ -1,11 +1,12 @@
 //! The lock of a run folder: one run writes into an output at a time.
 
 use super::RunFolderError;
+use super::lease::{Candidate, EXPIRES_AFTER, HeldLease, Holder, VALID, Wait, now};
 use run::wiring::Wiring;
 use rustix::fs::{FlockOperation, OFlags, flock};
 use rustix::io::{Errno, FdFlags, fcntl_setfd};
 use std::fs::{File, Permissions};
-use std::os::unix::fs::{MetadataExt, OpenOptionsExt, PermissionsExt};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -17,21 +18,65 @@ const KILLED_TIMEOUT: Duration = Duration::from_mins(1);
 /// Interval between two attempts to lock.
 const POLL: Duration = Duration::from_millis(10);
 
+/// Interval between two looks at a lease: far below the time of a takeover, and little work for a file server.
+const LEASE_POLL: Duration = Duration::from_millis(250);
+
+/// How a run waits for another one that writes into its output.
+pub struct Patience<'a> {
+    /// Longest wait for a run that is not just ending.
+    pub wait: Duration,
+    /// Whether the operator has ended the wait.
+    pub is_over: &'a mut dyn FnMut() -> bool,
+}
+
 /// Locks the file for this process and all processes that it starts. `output` is absolute and without links.
-pub fn take(file: &Path, output: &Path) -> Result<File, RunFolderError> {
+pub fn take(file: &Path, output: &Path, patience: &mut Patience<'_>) -> Result<File, RunFolderError> {
     let lock = open(file).map_err(|source| super::cannot_write(file, source))?;
     let failed = |error: Errno| RunFolderError::Lock { file: file.to_owned(), source: error.into() };
     let begun = Instant::now();
     loop {
         match flock(&lock, FlockOperation::NonBlockingLockExclusive) {
             Ok(()) => break,
-            Err(Errno::WOULDBLOCK) if begun.elapsed() < timeout(output) => std::thread::sleep(POLL),
+            Err(Errno::WOULDBLOCK) if (patience.is_over)() => {
+                return Err(RunFolderError::WaitEnded { output: output.to_owned() });
+            }
+            Err(Errno::WOULDBLOCK) if begun.elapsed() < timeout(output).max(patience.wait) => std::thread::sleep(POLL),
             Err(Errno::WOULDBLOCK) => return Err(RunFolderError::InUse { output: output.to_owned() }),
             Err(error) => return Err(failed(error)),
         }
     }
     fcntl_setfd(&lock, FdFlags::empty()).map_err(failed)?;
     Ok(lock)
+}
+
+/// Takes the lease of the output; the lock is held. `folder`: the folder of the leases.
+pub fn take_lease(folder: &Path, output: &Path, patience: &mut Patience<'_>) -> Result<HeldLease, RunFolderError> {
+    let failed = |source| super::cannot_write(folder, source);
+    std::fs::DirBuilder::new().recursive(true).mode(0o700).create(folder).map_err(failed)?;
+    let mut candidate = Candidate::new(folder.to_owned(), Holder::current());
+    let begun = Instant::now();
+    let mut is_reported = false;
+    loop {
+        match candidate.poll(now()).map_err(failed)? {
+            Wait::Held(lease) => return HeldLease::new(lease).map_err(failed),
+            Wait::Alive(holder) if begun.elapsed() > patience.wait => {
+                let (host, pid) = holder.map_or_else(|| ("?".to_owned(), 0), |holder| (holder.host, holder.pid));
+                return Err(RunFolderError::InUseElsewhere { output: output.to_owned(), host, pid });
+            }
+            Wait::Alive(_) | Wait::Waiting => {}
+        }
+        if (patience.is_over)() {
+            return Err(RunFolderError::WaitEnded { output: output.to_owned() });
+        }
+        if begun.elapsed() > ENDING_TIMEOUT && !std::mem::replace(&mut is_reported, true) {
+            tracing::info!(
+                "{}: waiting for the lease of a run on another host; it expires {} s after its last renewal",
+                output.display(),
+                (EXPIRES_AFTER + VALID).as_secs()
+            );
+        }
+        std::thread::sleep(LEASE_POLL);
+    }
 }
 
 /// Opens the lock. Another user with read access could also lock it, and a link could lead to a foreign file.
@@ -65,6 +110,10 @@ fn timeout(output: &Path) -> Duration {
 mod tests {
     use super::*;
     use run::Mode;
+
+    fn take(file: &Path, output: &Path) -> Result<File, RunFolderError> {
+        super::take(file, output, &mut Patience { wait: Duration::ZERO, is_over: &mut || false })
+    }
 
     #[test]
     fn lock_follows_no_link_and_is_not_readable_by_others() {

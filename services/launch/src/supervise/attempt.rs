@@ -93,6 +93,9 @@ impl Supervisor {
         polls: &mut Polls,
     ) -> Result<Option<Ending>, SuperviseError> {
         let at = self.origin.elapsed();
+        self.run.folder.refuse_lost_lease()?;
+        polls.command.valid_until_nanos =
+            if self.run.is_live() { u64::MAX } else { self.run.folder.valid_until_nanos() };
         processes.observe();
         if polls.count.is_multiple_of(MEASURE_EVERY) {
             self.account.measure_shared_memory(&self.run.domain);

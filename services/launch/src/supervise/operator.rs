@@ -15,6 +15,8 @@ pub struct Operator {
     signals: Signals,
     /// The first request drains the run, the second one stops it.
     n_end_requests: usize,
+    /// SIGTERM was received. Later ones are not requests: schedulers repeat it, and a parent process forwards its own.
+    is_terminated: bool,
 }
 
 /// Starts to receive signals.
@@ -25,12 +27,16 @@ pub fn signals() -> Result<Signals, SuperviseError> {
 impl Operator {
     /// An operator without requests.
     pub fn new(signals: Signals, control: Control) -> Self {
-        Self { control, signals, n_end_requests: 0 }
+        Self { control, signals, n_end_requests: 0, is_terminated: false }
     }
 
     /// Receives signals and requests. Never waits.
     pub fn poll(&mut self, swaps: &mut Swaps, run: &ActiveRun) {
-        self.n_end_requests += self.signals.pending().count();
+        for signal in self.signals.pending() {
+            if signal != SIGTERM || !std::mem::replace(&mut self.is_terminated, true) {
+                self.n_end_requests += 1;
+            }
+        }
         for ClientRequest { client, request } in self.control.requests() {
             match request {
                 Request::Stop { now } => {

@@ -9,10 +9,11 @@ use crate::stage_process::StageProcess;
 use ipc::{IpcError, Node};
 use run::assignment::Command;
 use run::health::Activity;
+use run::process::STOP_STAGE;
 use rustix::process::Signal;
 use std::time::{Duration, Instant};
 
-/// Time between SIGTERM and SIGKILL.
+/// Time between the stop signal and SIGKILL.
 const STOP_TIMEOUT: Duration = Duration::from_secs(3);
 
 /// All started processes.
@@ -67,7 +68,7 @@ impl Processes {
     /// Asks all to stop, and kills the processes that do not stop in time.
     pub fn stop(&mut self) {
         for process in &self.all {
-            process.signal(Signal::TERM);
+            process.signal(STOP_STAGE);
         }
         let asked = Instant::now();
         while asked.elapsed() < STOP_TIMEOUT && self.all.iter().any(|process| process.status.is_none()) {

@@ -14,6 +14,9 @@ impl Runner<'_> {
             return Ok(None);
         }
         read_command(&self.control, &mut self.command)?;
+        if !self.wait_for_lease()? {
+            return Ok(None);
+        }
         let _span = tracing::debug_span!("tick", tick = self.tick).entered();
         let born = monotonic_nanos();
         self.ports.clock.tick.set(self.tick);

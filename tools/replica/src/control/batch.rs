@@ -8,19 +8,20 @@
 //! | `table` | the table as text, CSV or JSON |
 //! | `plan` | how long the batch takes on several machines |
 
-mod drives;
-mod launches;
-mod plan;
-mod results;
+pub(super) mod drives;
+pub(super) mod launches;
+pub(super) mod plan;
+pub(super) mod results;
 mod table;
 
 use command_line::say_error;
 use drives::{BatchDrive, Job};
-use launches::{Launches, Start};
+use launches::{Launches, Refusal, Start};
 use results::{DriveOutcome, Row};
 use run::exit;
 use run::terminal::printable;
 use std::io::Write as _;
+use std::os::unix::process::ExitStatusExt;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use table::Format;
@@ -62,6 +63,9 @@ pub struct Args {
     /// Without it, they are kept and the batch is refused.
     #[arg(long)]
     overwrite: bool,
+    /// Wait up to this long for another run that writes into the output of a drive, also on another host
+    #[arg(long, value_name = "SECONDS", default_value_t = 0, value_parser = clap::value_parser!(u32).range(..=31_536_000))]
+    wait: u32,
     /// Print the table of the results so far; start nothing
     #[arg(long, value_name = "FORMAT", num_args = 0..=1, require_equals = true, default_missing_value = "text")]
     table: Option<Format>,
@@ -92,10 +96,10 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         return Ok(ExitCode::from(exit_code(&rows)));
     }
     std::fs::create_dir_all(&args.out).map_err(|error| anyhow::anyhow!("{}: {error}", args.out.display()))?;
-    let mut launches = Launches::new(&args.launch_file, &args.overrides, &args.without)?;
+    let mut launches = Launches::new(&args.launch_file, &args.overrides, &args.without, args.wait)?;
     let starts = match starts(&mut launches, &drives, args.overwrite)? {
         Ok(starts) => starts,
-        Err(faults) => return Ok(refused(&faults)),
+        Err(refusals) => return Ok(refused_outputs(&refusals)),
     };
     let rows = process(&mut launches, &drives, &starts, args.stop_at_first)?;
     print(&format!("{}\n", table::totals(&rows)));
@@ -107,17 +111,17 @@ fn starts(
     launches: &mut Launches,
     drives: &[BatchDrive],
     overwrite: bool,
-) -> anyhow::Result<Result<Vec<Start>, Vec<String>>> {
+) -> anyhow::Result<Result<Vec<Start>, Vec<Refusal>>> {
     let mut starts = Vec::new();
-    let mut faults = Vec::new();
+    let mut refusals = Vec::new();
     for drive in drives {
         match launches.start_of(drive)? {
             Ok(start) => starts.push(start),
             Err(_) if overwrite => starts.push(Start::Overwrite),
-            Err(fault) => faults.push(fault),
+            Err(refusal) => refusals.push(refusal),
         }
     }
-    Ok(if faults.is_empty() { Ok(starts) } else { Err(faults) })
+    Ok(if refusals.is_empty() { Ok(starts) } else { Err(refusals) })
 }
 
 /// Runs the drives that are not complete; a row for each drive.
@@ -143,7 +147,10 @@ fn process(
         } else {
             let ended = launches.run(drive, *start)?;
             row = Row::read(drive);
-            if !matches!(ended.code(), Some(0 | 3)) {
+            if ended.signal().is_some() && launches.must_stop() {
+                // The SIGTERM of a whole job, before the run could drain.
+                remark = format!(" ({ended}; not finished)");
+            } else if !matches!(ended.code(), Some(0 | 3)) {
                 row.fail(ended.code());
                 remark = format!(" ({ended}); see {}", drive.log.display());
             }
@@ -164,6 +171,15 @@ fn exit_code(rows: &[Row]) -> u8 {
     }
     let is_complete = rows.iter().all(|row| row.outcome == DriveOutcome::Complete);
     if is_complete { exit::DONE } else { exit::INCOMPLETE }
+}
+
+/// Outputs that must be kept. Another run into an output ends: then the same command may start.
+fn refused_outputs(refusals: &[Refusal]) -> ExitCode {
+    for refusal in refusals {
+        say_error!("error: {}", refusal.text);
+    }
+    let is_final = refusals.iter().any(|refusal| refusal.is_of_other_settings);
+    ExitCode::from(if is_final { exit::CONFIGURATION } else { exit::FAILED })
 }
 
 fn refused(faults: &[String]) -> ExitCode {

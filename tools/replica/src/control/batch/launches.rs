@@ -3,14 +3,15 @@
 use super::drives::BatchDrive;
 use anyhow::Context;
 use files::regular_file;
-use run::Outcome;
 use run::process::sibling;
 use run::summary::{REPORT_FILES, Summary};
+use run::{Outcome, exit};
 use rustix::process::{Pid, Signal, kill_process};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM};
 use signal_hook::iterator::Signals;
 use std::fs::File;
-use std::os::unix::process::CommandExt;
+use std::io::{Read, Seek, SeekFrom};
+use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::Duration;
@@ -36,13 +37,24 @@ pub struct Launches {
     program: PathBuf,
     /// Launch file, `--set` and `--without`.
     arguments: Vec<std::ffi::OsString>,
+    /// Longest wait for another run into the same output, s.
+    wait_s: u32,
     signals: Signals,
     must_stop: bool,
 }
 
+/// Why a drive does not start.
+#[derive(Debug)]
+pub struct Refusal {
+    /// The drive and the message of `replica-launch`.
+    pub text: String,
+    /// Whether the output has results of other settings: `--overwrite` would replace them.
+    pub is_of_other_settings: bool,
+}
+
 impl Launches {
     /// Prepares the arguments that all runs have in common.
-    pub fn new(launch_file: &Path, overrides: &[String], without: &[String]) -> anyhow::Result<Self> {
+    pub fn new(launch_file: &Path, overrides: &[String], without: &[String], wait_s: u32) -> anyhow::Result<Self> {
         let launch_file = std::path::absolute(launch_file).context("the launch file")?;
         let mut arguments = vec![launch_file.into()];
         for (option, values) in [("--set", overrides), ("--without", without)] {
@@ -51,6 +63,7 @@ impl Launches {
         Ok(Self {
             program: sibling("replica-launch").map_err(anyhow::Error::msg)?,
             arguments,
+            wait_s,
             signals: Signals::new([SIGINT, SIGTERM, SIGHUP, SIGQUIT]).context("signals cannot be received")?,
             must_stop: false,
         })
@@ -63,15 +76,25 @@ impl Launches {
     }
 
     /// How the drive starts; `Err` if its output must be kept. `replica-launch` decides, as it does for `--resume`.
-    pub fn start_of(&self, drive: &BatchDrive) -> anyhow::Result<Result<Start, String>> {
+    pub fn start_of(&mut self, drive: &BatchDrive) -> anyhow::Result<Result<Start, Refusal>> {
         if !drive.output.exists() {
             return Ok(Ok(Start::New));
         }
-        let checked =
-            self.command(drive).args(["--resume", "--check"]).output().with_context(|| self.cannot_start())?;
-        if !checked.status.success() {
-            let text = String::from_utf8_lossy(&checked.stderr).trim().to_owned();
-            return Ok(Err(format!("{}: {text}", drive.name)));
+        // A file, not a pipe, whose reader would have to read while it waits.
+        let mut messages = tempfile::tempfile().context("a temporary file")?;
+        let mut command = self.command(drive);
+        command.args(["--resume", "--check"]).stdout(Stdio::null()).stderr(messages.try_clone()?);
+        let status = self.run_to_end(&mut command)?;
+        if status.signal().is_some() && self.must_stop {
+            // The check waited for another run. The drive starts another time.
+            return Ok(Ok(Start::Resume));
+        }
+        if !status.success() {
+            let mut text = Vec::new();
+            messages.seek(SeekFrom::Start(0)).and_then(|_| messages.read_to_end(&mut text))?;
+            let text = format!("{}: {}", drive.name, String::from_utf8_lossy(&text).trim());
+            let is_of_other_settings = status.code() == Some(i32::from(exit::CONFIGURATION));
+            return Ok(Err(Refusal { text, is_of_other_settings }));
         }
         let is_done = Summary::load(&drive.output).is_ok_and(|summary| summary.outcome == Outcome::Done);
         let is_complete = is_done && !lacks_end(&drive.output);
@@ -91,6 +114,11 @@ impl Launches {
         let log = log.create(true).open(&drive.log).with_context(|| drive.log.display().to_string())?;
         let mut command = self.command(drive);
         command.args(option).stdout(log.try_clone()?).stderr(log);
+        self.run_to_end(&mut command)
+    }
+
+    /// Runs a command to its end. Signals to this process go to it.
+    fn run_to_end(&mut self, command: &mut Command) -> anyhow::Result<ExitStatus> {
         let mut child = command.spawn().with_context(|| self.cannot_start())?;
         loop {
             for signal in self.signals.pending() {
@@ -109,6 +137,9 @@ impl Launches {
         command.args(&self.arguments);
         for (key, path) in [("run.drive", &drive.path), ("run.output", &drive.output)] {
             command.arg("--set").arg(format!("{key}={}", path.display()));
+        }
+        if self.wait_s > 0 {
+            command.arg("--wait").arg(self.wait_s.to_string());
         }
         // A killed batch also ends its run, so that the next batch can continue the run.
         command.arg("--end-with").arg(std::process::id().to_string()).stdin(Stdio::null());
