@@ -4,7 +4,9 @@
 use super::drives::{BatchDrive, Job};
 use super::results::Row;
 use anyhow::bail;
+use std::collections::BTreeSet;
 use std::fmt::Write;
+use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 
 /// What a drive costs.
@@ -31,22 +33,46 @@ impl Cost {
     }
 }
 
+/// What all drives cost.
+struct Expected {
+    costs: Vec<Cost>,
+    n_measured: usize,
+    /// Sum of the measured drives.
+    sum: Cost,
+}
+
+impl Expected {
+    /// `None`: no drive is finished.
+    fn new(drives: &[BatchDrive]) -> Option<Self> {
+        let costs: Vec<(f64, Option<Cost>)> =
+            drives.iter().map(|drive| (bytes_of(&drive.path), measured(drive))).collect();
+        let known: Vec<Cost> = costs.iter().filter_map(|(_, cost)| *cost).collect();
+        let sum = known.iter().fold(Cost::default(), |sum, cost| sum.plus(*cost));
+        if sum.seconds <= 0.0 || sum.read_bytes <= 0.0 {
+            return None;
+        }
+        let costs = costs.iter().map(|(bytes, cost)| cost.unwrap_or(sum.scaled_to(*bytes))).collect();
+        Some(Self { costs, n_measured: known.len(), sum })
+    }
+}
+
+/// Seconds that each drive takes or took. `None`: no drive is finished.
+pub fn expected_seconds(drives: &[BatchDrive]) -> Option<Vec<f64>> {
+    Expected::new(drives).map(|expected| expected.costs.iter().map(|cost| cost.seconds).collect())
+}
+
 /// The table for 1 to `n_machines` machines.
 pub fn text(drives: &[BatchDrive], n_machines: usize) -> anyhow::Result<String> {
-    let costs: Vec<(f64, Option<Cost>)> = drives.iter().map(|drive| (bytes_of(&drive.path), measured(drive))).collect();
-    let known: Vec<Cost> = costs.iter().filter_map(|(_, cost)| *cost).collect();
-    let sum = known.iter().fold(Cost::default(), |sum, cost| sum.plus(*cost));
-    if sum.seconds <= 0.0 || sum.read_bytes <= 0.0 {
+    let Some(Expected { costs, n_measured, sum }) = Expected::new(drives) else {
         bail!(
             "no drive is finished: the plan needs the time of at least one\nhint: run the batch with one drive first"
         );
-    }
-    let costs: Vec<Cost> = costs.iter().map(|(bytes, cost)| cost.unwrap_or(sum.scaled_to(*bytes))).collect();
+    };
     let mut text = format!(
         "{} drives, {} of them measured: {:.1} MB/s read, {:.2} bytes of results for each byte of a drive\n\
          machines   seconds  efficiency  GB read  GB of results (of the machine with the most)\n",
         drives.len(),
-        known.len(),
+        n_measured,
         sum.read_bytes / sum.seconds * 1e-6,
         sum.kept_bytes / sum.read_bytes
     );
@@ -97,12 +123,18 @@ fn machine_counts(last: usize) -> Vec<usize> {
     counts
 }
 
-/// Bytes of a file, or of all files in a folder. Links are not followed; unreadable files count as zero.
+/// Bytes of a file, or of all files in a folder. Links are followed: imported drives consist of links to their recordings. A file
+/// with several names counts once; unreadable files count as zero.
 fn bytes_of(path: &Path) -> f64 {
     let mut left = vec![path.to_owned()];
+    let mut counted = BTreeSet::new();
     let mut bytes = 0_u64;
     while let Some(path) = left.pop() {
-        let Ok(metadata) = std::fs::symlink_metadata(&path) else { continue };
+        let Ok(metadata) = std::fs::metadata(&path) else { continue };
+        // Also ends the walk through a folder with a link to itself.
+        if !counted.insert((metadata.dev(), metadata.ino())) {
+            continue;
+        }
         if metadata.is_dir() {
             left.extend(std::fs::read_dir(&path).into_iter().flatten().flatten().map(|entry| entry.path()));
         } else {
@@ -123,6 +155,24 @@ mod tests {
         assert_eq!(seconds(1), [9.0]);
         assert_eq!(seconds(2), [7.0, 2.0]);
         assert_eq!(seconds(5), [5.0, 1.0, 2.0, 1.0, 0.0]);
+    }
+
+    #[test]
+    fn links_are_followed_and_files_count_once() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = |name: &str| folder.path().join(name);
+        for name in ["recorded/b", "drive/a"] {
+            std::fs::create_dir_all(path(name)).expect("made");
+        }
+        std::fs::write(path("recorded/scan"), vec![0; 1000]).expect("written");
+        std::fs::write(path("recorded/b/fixes"), vec![0; 200]).expect("written");
+        let link = |target: &str, name: &str| std::os::unix::fs::symlink(path(target), path(name)).expect("linked");
+        link("recorded/scan", "drive/scan");
+        link("recorded/scan", "drive/a/again");
+        link("recorded/b", "drive/b");
+        link("drive", "drive/a/loop");
+        link("absent", "drive/broken");
+        assert_eq!(bytes_of(&path("drive")), 1200.0);
     }
 
     #[test]

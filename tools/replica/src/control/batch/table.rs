@@ -61,7 +61,8 @@ pub fn totals(rows: &[Row]) -> String {
         .filter(|(n, _)| *n > 0)
         .map(|(n, text)| format!("{n} {text}"))
         .collect();
-    let sum = |of: fn(&Row) -> f64| rows.iter().filter(|row| row.is_finished()).map(of).sum::<f64>();
+    let sum =
+        |of: fn(&Row) -> f64| rows.iter().filter(|row| row.is_finished()).map(of).fold(0.0, |sum, value| sum + value);
     let drive_s = sum(|row| row.drive_s);
     let wall_s = sum(|row| row.wall_s);
     let cpu_s = sum(|row| row.cpu_s);
@@ -111,6 +112,8 @@ mod tests {
             "4 drives: 1 complete, 1 doubts, 1 failed, 1 not_run; finished: 9.0 s of drive in 3.0 s (3.00 times real \
              time), 14.00 M points, 0.0 s CPU"
         );
+        // The sum of no numbers is -0.0.
+        assert!(totals(&rows[3..]).contains("finished: 0.0 s of drive in 0.0 s"), "{}", totals(&rows[3..]));
         let table = text(&rows, Format::Text).expect("text");
         assert!(table.lines().nth(2).is_some_and(|line| line.ends_with("few_fixes path_lost")), "{table}");
     }
