@@ -7,10 +7,12 @@
 //! | `user_file_systems` | mount file systems of its own there (`/dev/fuse`) |
 //! | `other_users` | start processes of another user |
 //! | `network_namespaces` | connect its own networks by virtual cables (`unshare`, `ip` of Debian's iproute2) |
+//! | `slurm` | start a SLURM of its own (Debian: `apt-get install slurmctld slurmd slurm-client munge`) |
+//! | `object_store` | start an object store (`pip install awscli 'moto[server]'`) |
 //! | `chromium` | open pages in Chromium (Debian: `apt-get install chromium`) |
 //!
 //! With `REPLICA_NAMESPACES=required` `mount_namespaces` and `other_users` are set, and with `REPLICA_CHROMIUM=required`
-//! `chromium`: a test that is not allowed to do so, or lacks the program, then fails.
+//! `chromium`, and with `REPLICA_SLURM=required` `slurm`: a test that is not allowed to do so, or lacks the program, then fails.
 
 use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::path::Path;
@@ -28,6 +30,8 @@ fn main() {
         ("user_file_systems", may_mount() && may_serve_files()),
         ("other_users", has_namespaces || may_become_another_user()),
         ("network_namespaces", may_lay_cables()),
+        ("slurm", is_required("REPLICA_SLURM") || has_slurm()),
+        ("object_store", are_installed(&["aws", "moto_server"])),
         ("chromium", is_required("REPLICA_CHROMIUM") || has_chromium()),
     ];
     for (name, is_allowed) in allowed {
@@ -55,6 +59,22 @@ fn is_allowed_in(kinds: &[&str], probe: &str) -> bool {
     })
 }
 
+/// Whether SLURM is installed. Its daemons start jobs as the superuser.
+fn has_slurm() -> bool {
+    is_superuser() && are_installed(&["slurmctld", "slurmd", "sbatch", "munged"])
+}
+
+/// Whether the search path has all these programs. Some answer no option without a configuration.
+fn are_installed(programs: &[&str]) -> bool {
+    println!("cargo::rerun-if-env-changed=PATH");
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    programs.iter().all(|program| std::env::split_paths(&path).any(|folder| folder.join(program).is_file()))
+}
+
+fn is_superuser() -> bool {
+    std::fs::metadata("/proc/self").is_ok_and(|process| process.uid() == 0)
+}
+
 fn has_chromium() -> bool {
     let tried = Command::new("chromium").arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status();
     tried.is_ok_and(|status| status.success())
@@ -67,8 +87,7 @@ fn may_serve_files() -> bool {
 
 /// Whether other users are allowed: only for the superuser, and the other user must be able to read the programs.
 fn may_become_another_user() -> bool {
-    let is_superuser = std::fs::metadata("/proc/self").is_ok_and(|process| process.uid() == 0);
     let programs = std::env::var("OUT_DIR").unwrap_or_default();
     let is_open = |folder: &Path| std::fs::metadata(folder).is_ok_and(|m| m.permissions().mode() & 0o001 != 0);
-    is_superuser && Path::new(&programs).ancestors().filter(|folder| !folder.as_os_str().is_empty()).all(is_open)
+    is_superuser() && Path::new(&programs).ancestors().filter(|folder| !folder.as_os_str().is_empty()).all(is_open)
 }

@@ -14,6 +14,7 @@ mod recorded_kills;
 mod running;
 mod screen;
 mod shared;
+mod slurm;
 pub mod swaps;
 
 pub use browser::Browser;
@@ -33,6 +34,7 @@ pub use recorded_kills::{RECORDED_VICTIMS, RecordedKills, kill_while_recording};
 pub use running::Running;
 pub use screen::{Screen, Terminal};
 pub use shared::{reference, undisturbed, undisturbed_lines};
+pub use slurm::Slurm;
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};

@@ -77,7 +77,7 @@ mod tests {
     #[test]
     fn help_lists_every_subcommand_in_one_group() {
         assert_consistent(&command(), &groups());
-        assert_eq!(command().get_subcommands().count(), 28);
+        assert_eq!(command().get_subcommands().count(), 29);
     }
 
     #[test]

@@ -3,6 +3,7 @@
 mod agent;
 mod attach;
 mod batch;
+mod campaign;
 mod columns;
 mod echo;
 mod hz;
@@ -21,6 +22,7 @@ use std::process::ExitCode;
 #[derive(Debug, clap::Subcommand)]
 pub enum Command {
     Batch(batch::Args),
+    Campaign(campaign::Args),
     Status(status::Args),
     Topics(topics::Args),
     Echo(echo::Args),
@@ -37,6 +39,7 @@ impl Command {
     pub fn run(&self) -> anyhow::Result<ExitCode> {
         match self {
             Command::Batch(args) => batch::run(args),
+            Command::Campaign(args) => campaign::run(args),
             Command::Status(args) => ignore_broken_pipe(status::run(args)),
             Command::Topics(args) => ignore_broken_pipe(topics::run(args)),
             Command::Echo(args) => ignore_broken_pipe(echo::run(args)),
