@@ -17,6 +17,7 @@ mod live_mode;
 mod live_rig;
 mod live_sensor;
 mod misbehaving_stages;
+mod object_store;
 mod observers;
 mod output_folder;
 mod pipeline;
