@@ -32,6 +32,9 @@ pub const VALID: Duration = Duration::from_secs(20);
 /// Time without a renewal after which a lease is taken over: six renewals.
 pub const EXPIRES_AFTER: Duration = Duration::from_secs(30);
 
+/// Bytes that a disk writes as a whole.
+const SECTOR: usize = 512;
+
 /// The supervisor that holds a lease.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Holder {
@@ -233,26 +236,41 @@ fn highest_epoch(folder: &Path, own: &Holder) -> Result<Option<u64>, Error> {
     Ok(epochs(folder)?.into_iter().max())
 }
 
-/// Creates the file of an epoch. `false` if another supervisor has created it.
+/// Creates the file of an epoch. `false` if another supervisor has created it. The file appears with its content, where the file
+/// system has links.
 fn create(folder: &Path, epoch: u64, own: &Holder) -> Result<bool, Error> {
-    let created = OpenOptions::new().write(true).create_new(true).mode(0o600).open(lease_file(folder, epoch));
-    let mut file = match created {
-        Err(error) if error.kind() == ErrorKind::AlreadyExists => return Ok(false),
-        created => created?,
+    let bytes = bytes(&Record { holder: own.clone(), renewals: 0, released: false })?;
+    let (file, prepared) = (lease_file(folder, epoch), folder.join(format!("new-{}-{}", own.boot_id, own.pid)));
+    write(OpenOptions::new().write(true).create(true).truncate(true), &prepared, &bytes)?;
+    let created = match std::fs::hard_link(&prepared, &file) {
+        Err(error) if error.kind() != ErrorKind::AlreadyExists => {
+            write(OpenOptions::new().write(true).create_new(true), &file, &bytes)
+        }
+        linked => linked,
     };
-    let record = Record { holder: own.clone(), renewals: 0, released: false };
-    file.write_all(&serde_json::to_vec(&record)?)?;
-    file.sync_all()?;
-    Ok(true)
+    std::fs::remove_file(&prepared)?;
+    match created {
+        Err(error) if error.kind() == ErrorKind::AlreadyExists => Ok(false),
+        created => created.and_then(|()| File::open(folder)?.sync_all()).map(|()| true),
+    }
 }
 
 /// Rewrites a file in place: other hosts check the content of a file when they open it, but may keep old names for a minute.
 fn rewrite(file: &Path, record: &Record) -> Result<(), Error> {
-    let bytes = serde_json::to_vec(record)?;
-    let mut file = OpenOptions::new().write(true).open(file)?;
-    file.write_all(&bytes)?;
-    file.set_len(bytes.len() as u64)?;
+    write(OpenOptions::new().write(true), file, &bytes(record)?)
+}
+
+fn write(options: &mut OpenOptions, file: &Path, bytes: &[u8]) -> Result<(), Error> {
+    let mut file = options.mode(0o600).open(file)?;
+    file.write_all(bytes)?;
     file.sync_all()
+}
+
+/// Content of a file: always whole sectors, which disks replace as a whole.
+fn bytes(record: &Record) -> Result<Vec<u8>, Error> {
+    let mut bytes = serde_json::to_vec(record)?;
+    bytes.resize(bytes.len().next_multiple_of(SECTOR), b' ');
+    Ok(bytes)
 }
 
 #[cfg(test)]
