@@ -240,4 +240,11 @@ fn queue_that_refuses_is_named_and_nothing_is_lost() {
     // A cancelled job leaves nothing active.
     let (code, cancelled) = campaign("\"--partition=all\"", &["cancel"]);
     assert!(code == Some(0) && cancelled.contains("0 active drives of 2"), "{cancelled}");
+    // A script that a person has changed is neither replaced nor lost.
+    let script = path("out/campaign/array.sh");
+    let changed = std::fs::read_to_string(&script).expect("written") + "# changed\n";
+    std::fs::write(&script, &changed).expect("written");
+    let (code, refused) = campaign("\"--partition=all\"", &submit);
+    assert!(code == Some(1) && refused.contains("array.sh: was changed since it was written"), "{refused}");
+    assert_eq!(std::fs::read_to_string(&script).expect("there"), changed);
 }

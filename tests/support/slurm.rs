@@ -1,6 +1,7 @@
 //! A SLURM of three nodes on this machine: controller, node daemons and authentication in a folder of its own.
 
 use crate::wait_for;
+use std::fmt::Write;
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -40,7 +41,9 @@ impl Slurm {
         }
         assert!(authentication.status().expect("munge is installed").success());
         assert!(cluster.daemon("slurmctld").arg("-c").status().expect("slurmctld is installed").success());
-        NODES.iter().for_each(|node| cluster.start_node(node));
+        for node in NODES {
+            cluster.start_node(node);
+        }
         wait_for("three idle nodes", || {
             let nodes = cluster.command("sinfo").args(["--noheader", "--Node", "--format=%N %T"]).output().ok()?;
             (String::from_utf8_lossy(&nodes.stdout).matches(" idle").count() == NODES.len()).then_some(())
@@ -100,8 +103,10 @@ impl Slurm {
             ports[0]
         );
         for (node, port) in NODES.iter().zip(&ports[1..]) {
-            text += &format!(
-                "NodeName={node} NodeHostname={host} NodeAddr=127.0.0.1 Port={port} CPUs=2 RealMemory=4000 State=UNKNOWN\n"
+            // Writing to a string cannot fail.
+            let _ = writeln!(
+                text,
+                "NodeName={node} NodeHostname={host} NodeAddr=127.0.0.1 Port={port} CPUs=2 RealMemory=4000 State=UNKNOWN"
             );
         }
         text

@@ -16,22 +16,25 @@ pub fn array(campaign: &Campaign, sizes: &Sizes, replica: &Path) -> String {
     let drain_s = slurm.drain_s.unwrap_or(DRAIN_S);
     let at_once = slurm.at_once.map(|n| format!("%{n}")).unwrap_or_default();
     let logs = campaign.own_folder().join("logs");
-    let mut text = String::from("#!/bin/bash\n");
-    let mut option = |option: &str| text += &format!("#SBATCH {option}\n");
-    option(&format!("--job-name={name}"));
-    // The last index is a literal: a task that is submitted again alone must run the same drive.
-    option(&format!("--array=0-{}{at_once}", drives.len().saturating_sub(1)));
-    option("--nodes=1");
-    option("--ntasks=1");
-    for (key, value) in [("cpus-per-task", slurm.cpus), ("time", sizes.minutes)] {
-        value.iter().for_each(|value| option(&format!("--{key}={value}")));
-    }
-    sizes.memory_mb.iter().for_each(|megabytes| option(&format!("--mem={megabytes}M")));
-    option("--requeue");
-    option("--open-mode=append");
-    option(&format!("--signal=B:TERM@{drain_s}"));
-    option(&format!("--output={}", shell::path(&logs.join("%A_%a.log"))));
-    slurm.options.iter().for_each(|further| option(further));
+    let optional = |key: &str, value: Option<u32>| value.map(|value| format!("--{key}={value}"));
+    let mut options = vec![
+        format!("--job-name={name}"),
+        // The last index is a literal: a task that is submitted again alone must run the same drive.
+        format!("--array=0-{}{at_once}", drives.len().saturating_sub(1)),
+        "--nodes=1".to_owned(),
+        "--ntasks=1".to_owned(),
+    ];
+    options.extend(optional("cpus-per-task", slurm.cpus));
+    options.extend(optional("time", sizes.minutes));
+    options.extend(sizes.memory_mb.map(|megabytes| format!("--mem={megabytes}M")));
+    options.extend([
+        "--requeue".to_owned(),
+        "--open-mode=append".to_owned(),
+        format!("--signal=B:TERM@{drain_s}"),
+        format!("--output={}", shell::path(&logs.join("%A_%a.log"))),
+    ]);
+    options.extend(slurm.options.iter().cloned());
+    let mut text = header(&options);
     if let Some(megabytes) = sizes.shared_memory_mb {
         let _ = writeln!(text, "# A run needs {megabytes} MB in /dev/shm of its node.");
     }
@@ -60,15 +63,22 @@ fn overrides(campaign: &Campaign) -> String {
 /// The script of the job after all drives.
 pub fn finish(campaign: &Campaign, replica: &Path) -> String {
     let logs = campaign.own_folder().join("logs");
-    let mut text = format!(
-        "#!/bin/bash\n#SBATCH --job-name={}-finish\n#SBATCH --nodes=1\n#SBATCH --ntasks=1\n#SBATCH --requeue\n\
-         #SBATCH --open-mode=append\n#SBATCH --output={}\n",
-        campaign.name,
-        shell::path(&logs.join("finish_%j.log"))
-    );
-    for further in &campaign.slurm.options {
-        let _ = writeln!(text, "#SBATCH {further}");
-    }
+    let mut options = vec![
+        format!("--job-name={}-finish", campaign.name),
+        "--nodes=1".to_owned(),
+        "--ntasks=1".to_owned(),
+        "--requeue".to_owned(),
+        "--open-mode=append".to_owned(),
+        format!("--output={}", shell::path(&logs.join("finish_%j.log"))),
+    ];
+    options.extend(campaign.slurm.options.iter().cloned());
+    let mut text = header(&options);
     let _ = writeln!(text, "exec {} campaign finish {}", shell::path(replica), shell::path(&campaign.file));
     text
+}
+
+/// The first lines of a script, with options of sbatch.
+fn header(options: &[String]) -> String {
+    let lines = options.iter().map(|option| format!("#SBATCH {option}\n"));
+    std::iter::once("#!/bin/bash\n".to_owned()).chain(lines).collect()
 }

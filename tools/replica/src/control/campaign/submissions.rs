@@ -46,7 +46,7 @@ impl Submissions {
         serde_json::from_slice(&bytes).with_context(|| file.display().to_string())
     }
 
-    /// [`Submissions::load`] of a campaign whose drives are those of its submissions.
+    /// Reads the file of a campaign that was submitted with these drives.
     pub fn load_submitted(campaign: &Campaign) -> anyhow::Result<Self> {
         let submissions = Self::load(campaign)?;
         ensure!(
