@@ -28,7 +28,7 @@ struct Held {
 }
 
 impl Held {
-    fn let_go(self) {
+    fn continue_source(self) {
         // SLURM may have continued and ended it.
         let _ = kill_process(self.source, Signal::CONT);
     }
@@ -134,14 +134,14 @@ fn disturbed_campaign_gives_the_bytes_of_one_machine() {
     // A drive gets the signal before its time limit. The batch alone receives it, and the run drains.
     campaign.slurm.ask("scontrol", &["update", &format!("JobId={}", job(LIMITED)), "TimeLimit=3"]);
     wait_for("the drain", || campaign.log(LIMITED).contains("draining").then_some(()));
-    limited.let_go();
+    limited.continue_source();
     wait_for("the end of the limited run", || {
         campaign.path("out").join(LIMITED).join("summary.json").exists().then_some(())
     });
 
     // SLURM sends SIGTERM to every process of the job, and SIGKILL 5 s later.
     campaign.slurm.ask("scontrol", &["requeue", &job(REQUEUED)]);
-    requeued.let_go();
+    requeued.continue_source();
 
     // A node is lost for SLURM while its processes live on. The next job must wait for them.
     let node = campaign.drive(LOST_NODE)["task"]["state"]["nodes"].as_str().expect("a node").to_owned();
@@ -152,7 +152,7 @@ fn disturbed_campaign_gives_the_bytes_of_one_machine() {
         let waiting = process_holding(&lock, &["--check", &batch])?;
         Some(waiting)
     });
-    lost.let_go();
+    lost.continue_source();
     campaign.slurm.start_node(&node);
     campaign.wait_for_all_jobs();
 

@@ -31,13 +31,14 @@ use crate::swap_record::SwapRecord;
 use files::atomic_file::write_atomic;
 use files::regular_file;
 use ipc::{Domain, IpcError};
-use lease::HeldLease;
+use lease::{Candidate, HeldLease};
 use run::assignment::{Assignment, Restart};
 use run::process::boottime_nanos;
 use run::summary::{REPORT_FILES, Summary};
 use run::wiring::Wiring;
 use serde::{Deserialize, Serialize};
 use states::States;
+use std::cell::{Cell, OnceCell};
 use std::fs::{File, Permissions};
 use std::io::{Error, ErrorKind};
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, PermissionsExt};
@@ -169,13 +170,19 @@ impl RunFolderError {
     }
 }
 
+/// The lease of the output: waited for when the folder is locked, taken when the run begins to write.
+struct Lease {
+    candidate: Cell<Option<Candidate>>,
+    held: OnceCell<HeldLease>,
+}
+
 /// The folder, locked for this supervisor.
 pub struct RunFolder {
     folder: PathBuf,
     output: PathBuf,
     states: States,
     /// Released before the lock, so that the next run on this host finds it released.
-    lease: HeldLease,
+    lease: Lease,
     _lock: File,
 }
 
@@ -189,7 +196,8 @@ impl RunFolder {
         // From here on one folder has one name, regardless of links.
         let output = canonical(output)?;
         let lock = lock::take(&folder.join("lock"), &output, patience)?;
-        let lease = lock::take_lease(&folder.join("leases"), &output, patience)?;
+        let candidate = lock::wait_for_lease(&folder.join("leases"), &output, patience)?;
+        let lease = Lease { candidate: Cell::new(Some(candidate)), held: OnceCell::new() };
         Ok(Self { states: States::new(folder.join("states")), folder, output, lease, _lock: lock })
     }
 
@@ -197,18 +205,28 @@ impl RunFolder {
     ///
     /// [`Command::valid_until_nanos`]: run::assignment::Command::valid_until_nanos
     pub fn valid_until_nanos(&self) -> u64 {
-        self.lease.valid_until_nanos()
+        self.lease.held.get().map_or(0, HeldLease::valid_until_nanos)
+    }
+
+    /// Takes the lease: from here on the run writes.
+    fn take_lease(&self) -> Result<(), RunFolderError> {
+        if let Some(candidate) = self.lease.candidate.take() {
+            let held = lock::take_lease(candidate, &self.folder.join("leases"), &self.output)?;
+            let _is_first = self.lease.held.set(held);
+        }
+        Ok(())
     }
 
     /// Reports that another run has taken the output over. A lease that is only late is not an error yet: stages wait for it.
     pub fn refuse_lost_lease(&self) -> Result<(), RunFolderError> {
-        self.lease.take_lost().map_or(Ok(()), |lost| Err(RunFolderError::LeaseLost { file: lost.file }))
+        let lost = self.lease.held.get().and_then(HeldLease::take_lost);
+        lost.map_or(Ok(()), |lost| Err(RunFolderError::LeaseLost { file: lost.file }))
     }
 
     /// Reports that this run may not write its results now.
     pub fn refuse_invalid_lease(&self) -> Result<(), RunFolderError> {
         self.refuse_lost_lease()?;
-        if boottime_nanos() < self.lease.valid_until_nanos() {
+        if boottime_nanos() < self.valid_until_nanos() {
             return Ok(());
         }
         Err(RunFolderError::LeaseExpired { output: self.output.clone() })
@@ -234,6 +252,7 @@ impl RunFolder {
 
     /// Starts a new run: removes states and logs of an earlier one.
     pub fn begin(&self, plan: &Plan, files: &Files) -> Result<(), RunFolderError> {
+        self.take_lease()?;
         remove_file(&self.folder.join(SETTINGS))?;
         let logs = self.folder.join("logs");
         for folder in [self.states.folder(), &logs] {
@@ -267,6 +286,7 @@ impl RunFolder {
     /// Continues the run that was started here after [`RunFolder::refuse_other_plan`]. Its results are no longer final.
     pub fn resume(&self, plan: &Plan, files: &Files) -> Result<(), RunFolderError> {
         self.refuse_other_plan(plan, files)?;
+        self.take_lease()?;
         self.remove_summary()
     }
 

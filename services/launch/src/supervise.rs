@@ -313,7 +313,12 @@ impl Supervisor {
 
     /// Writes the summary and ends the observers. Returns the exit code.
     fn finish(mut self, outcome: Outcome) -> Result<u8, SuperviseError> {
-        self.run.folder.refuse_invalid_lease()?;
+        if self.run.is_live() {
+            // No other run continues a live one.
+            self.run.folder.refuse_lost_lease()?;
+        } else {
+            self.run.folder.refuse_invalid_lease()?;
+        }
         let wall_s = self.account.wall_s();
         self.observers.write_last(&self.account.health, &self.run.domain, self.account.restarts);
         self.swaps.close(&mut self.operator.control);

@@ -84,6 +84,25 @@ pub enum Wait {
     Alive(Option<Holder>),
 }
 
+/// What a candidate sees.
+#[derive(Debug)]
+pub enum Look {
+    /// The lease may be taken at once.
+    Free {
+        /// The next epoch.
+        epoch: u64,
+    },
+    /// The holder has not renewed in time: after the next epoch has been created, its right to write still has to end.
+    Expired {
+        /// The next epoch.
+        epoch: u64,
+    },
+    /// The time of the earlier holder has not passed yet.
+    Waiting,
+    /// The earlier holder lives, see [`Wait::Alive`].
+    Alive(Option<Holder>),
+}
+
 /// A supervisor that waits for the lease.
 #[derive(Debug)]
 pub struct Candidate {
@@ -116,9 +135,8 @@ impl Candidate {
 
     /// Looks at the lease and takes it if it may. `now`: a clock that never goes back and counts suspended time.
     pub fn poll(&mut self, now: Duration) -> Result<Wait, Error> {
-        let highest = highest_epoch(&self.folder, &self.own)?;
         if let Some(created) = self.created {
-            if highest != Some(created.epoch) {
+            if highest_epoch(&self.folder, &self.own)? != Some(created.epoch) {
                 // Another candidate has waited longer, or somebody has removed the files.
                 self.created = None;
                 return Ok(Wait::Waiting);
@@ -129,33 +147,46 @@ impl Candidate {
                 self.held(created.epoch, now)
             };
         }
-        let Some(epoch) = highest else { return self.create_and_hold(1, now) };
+        match self.look(now)? {
+            Look::Free { epoch } => self.create_and_hold(epoch, now),
+            Look::Expired { epoch } => {
+                self.observed = None;
+                if create(&self.folder, epoch, &self.own)? {
+                    self.created = Some(Created { epoch, at: now });
+                }
+                Ok(Wait::Waiting)
+            }
+            Look::Waiting => Ok(Wait::Waiting),
+            Look::Alive(holder) => Ok(Wait::Alive(holder)),
+        }
+    }
+
+    /// Looks at the lease and changes no file. `now` as in [`Candidate::poll`].
+    pub fn look(&mut self, now: Duration) -> Result<Look, Error> {
+        let Some(epoch) = highest_epoch(&self.folder, &self.own)? else { return Ok(Look::Free { epoch: 1 }) };
         let content = match std::fs::read(lease_file(&self.folder, epoch)) {
-            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Wait::Waiting),
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Look::Waiting),
             content => content?,
         };
         let record = serde_json::from_slice::<Record>(&content).ok();
         if record.as_ref().is_some_and(|record| record.released || record.holder.boot_id == self.own.boot_id) {
-            return self.create_and_hold(epoch + 1, now);
+            return Ok(Look::Free { epoch: epoch + 1 });
         }
         let holder = record.map(|record| record.holder);
-        match &mut self.observed {
+        let is_alive = match &mut self.observed {
             Some(observed) if observed.epoch == epoch && observed.content == content => {
                 if now.saturating_sub(observed.since) >= EXPIRES_AFTER {
-                    self.observed = None;
-                    if create(&self.folder, epoch + 1, &self.own)? {
-                        self.created = Some(Created { epoch: epoch + 1, at: now });
-                    }
-                    return Ok(Wait::Waiting);
+                    return Ok(Look::Expired { epoch: epoch + 1 });
                 }
-                Ok(if observed.is_alive { Wait::Alive(holder) } else { Wait::Waiting })
+                observed.is_alive
             }
             observed => {
                 let is_alive = observed.is_some();
                 *observed = Some(Observation { epoch, content, since: now, is_alive });
-                Ok(if is_alive { Wait::Alive(holder) } else { Wait::Waiting })
+                is_alive
             }
-        }
+        };
+        Ok(if is_alive { Look::Alive(holder) } else { Look::Waiting })
     }
 
     fn create_and_hold(&mut self, epoch: u64, now: Duration) -> Result<Wait, Error> {
@@ -364,6 +395,20 @@ mod tests {
         again.own.pid = 8;
         let lease = held(again.poll(s(1)).expect("a disk"));
         assert_eq!(epochs(folder.path()).expect("a folder"), [lease.epoch], "old files are removed");
+    }
+
+    #[test]
+    fn look_changes_no_file() {
+        let folder = tempfile::tempdir().expect("a folder");
+        assert!(matches!(candidate(&folder, "b").look(s(0)), Ok(Look::Free { epoch: 1 })));
+        assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 0);
+        let _dead = holding(&folder, "a", s(0));
+        let mut candidate = candidate(&folder, "b");
+        assert!(matches!(candidate.look(s(0)), Ok(Look::Waiting)));
+        assert!(matches!(candidate.look(s(30)), Ok(Look::Expired { epoch: 2 })));
+        assert_eq!(epochs(folder.path()).expect("a folder"), [1]);
+        assert!(matches!(candidate.poll(s(31)), Ok(Wait::Waiting)), "it knows already that the lease has expired");
+        assert!(matches!(candidate.poll(s(51)), Ok(Wait::Held(_))));
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! The lock of a run folder: one run writes into an output at a time.
 
 use super::RunFolderError;
-use super::lease::{Candidate, EXPIRES_AFTER, HeldLease, Holder, VALID, Wait, now};
+use super::lease::{Candidate, EXPIRES_AFTER, HeldLease, Holder, Look, VALID, Wait, now};
 use run::wiring::Wiring;
 use rustix::fs::{FlockOperation, OFlags, flock};
 use rustix::io::{Errno, FdFlags, fcntl_setfd};
@@ -49,21 +49,22 @@ pub fn take(file: &Path, output: &Path, patience: &mut Patience<'_>) -> Result<F
     Ok(lock)
 }
 
-/// Takes the lease of the output; the lock is held. `folder`: the folder of the leases.
-pub fn take_lease(folder: &Path, output: &Path, patience: &mut Patience<'_>) -> Result<HeldLease, RunFolderError> {
+/// Waits until no run on another host holds the lease of the output; the lock is held. Changes no file: a run that is refused
+/// leaves an output as it is. `folder`: the folder of the leases.
+pub fn wait_for_lease(folder: &Path, output: &Path, patience: &mut Patience<'_>) -> Result<Candidate, RunFolderError> {
     let failed = |source| super::cannot_write(folder, source);
     std::fs::DirBuilder::new().recursive(true).mode(0o700).create(folder).map_err(failed)?;
     let mut candidate = Candidate::new(folder.to_owned(), Holder::current());
     let begun = Instant::now();
     let mut is_reported = false;
     loop {
-        match candidate.poll(now()).map_err(failed)? {
-            Wait::Held(lease) => return HeldLease::new(lease).map_err(failed),
-            Wait::Alive(holder) if begun.elapsed() > patience.wait => {
+        match candidate.look(now()).map_err(failed)? {
+            Look::Free { .. } | Look::Expired { .. } => return Ok(candidate),
+            Look::Alive(holder) if begun.elapsed() > patience.wait => {
                 let (host, pid) = holder.map_or_else(|| ("?".to_owned(), 0), |holder| (holder.host, holder.pid));
                 return Err(RunFolderError::InUseElsewhere { output: output.to_owned(), host, pid });
             }
-            Wait::Alive(_) | Wait::Waiting => {}
+            Look::Alive(_) | Look::Waiting => {}
         }
         if (patience.is_over)() {
             return Err(RunFolderError::WaitEnded { output: output.to_owned() });
@@ -76,6 +77,22 @@ pub fn take_lease(folder: &Path, output: &Path, patience: &mut Patience<'_>) -> 
             );
         }
         std::thread::sleep(LEASE_POLL);
+    }
+}
+
+/// Takes the lease after [`wait_for_lease`].
+pub fn take_lease(mut candidate: Candidate, folder: &Path, output: &Path) -> Result<HeldLease, RunFolderError> {
+    let failed = |source| super::cannot_write(folder, source);
+    loop {
+        match candidate.poll(now()).map_err(failed)? {
+            Wait::Held(lease) => return HeldLease::new(lease).map_err(failed),
+            Wait::Waiting => std::thread::sleep(LEASE_POLL),
+            // Another candidate was faster.
+            Wait::Alive(holder) => {
+                let (host, pid) = holder.map_or_else(|| ("?".to_owned(), 0), |holder| (holder.host, holder.pid));
+                return Err(RunFolderError::InUseElsewhere { output: output.to_owned(), host, pid });
+            }
+        }
     }
 }
 
