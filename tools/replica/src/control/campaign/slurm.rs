@@ -45,7 +45,7 @@ pub enum SlurmError {
 /// A job or a task of an array, as SLURM describes it.
 #[derive(Clone, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct JobState {
-    /// SLURM's word: PENDING, RUNNING, COMPLETED, FAILED, NODE_FAIL, TIMEOUT ...
+    /// SLURM's word: PENDING, RUNNING, COMPLETED, FAILED, `NODE_FAIL`, TIMEOUT ...
     pub state: String,
     /// Its reason, for example of a job that waits.
     pub reason: String,
@@ -125,7 +125,7 @@ fn parse_states(text: &str) -> BTreeMap<String, JobState> {
 pub enum Cancel {
     /// Their batch process alone gets SIGTERM. They end when their run has drained.
     Drain,
-    /// All their processes get SIGTERM, and SIGKILL after the cluster's KillWait.
+    /// All their processes get SIGTERM, and SIGKILL after the cluster's `KillWait`.
     Now,
 }
 
