@@ -2,7 +2,7 @@
 """Reads the files of `replica deliver` with third-party programs, and compares them with the clouds of the run by value.
 
   python3 -m venv venv && venv/bin/pip install 'laspy[lazrs]' numpy pyproj plyfile geopandas pyogrio evo==1.38.1 rasterio rio-cogeo open3d
-  replica deliver RUN --out OUT --copc --rasters --cloudcompare --semantic-kitti --bands
+  replica deliver RUN --out OUT --copc --rasters --lines --cloudcompare --semantic-kitti --bands
   venv/bin/python lab/peers/deliver.py RUN OUT
 
 laspy with lazrs (LAZ, COPC), pyproj (systems, coordinates), plyfile (PLY), GDAL by pyogrio
@@ -186,7 +186,8 @@ def rasters(run, out, facts, tiles):
     still = points[:, 4] == 0
     points, rgb = points[still], rgb[still]
     images = {}
-    for name in ["height", "terrain", "class", "color"]:
+    names = ["height", "terrain", "class", "color", "terrain_source", "density", "orthophoto", "orthophoto_source"]
+    for name in names:
         path = out / f"{name}.tif"
         is_valid, errors, _ = rio_cogeo.cog_validate(path)
         with rasterio.open(path) as image:
@@ -205,13 +206,52 @@ def rasters(run, out, facts, tiles):
     ground = np.isin(points[:, 3], [6, 7, 8, 14, 16, 22])
     n = np.bincount(at[ground], minlength=height.size)
     mean = np.where(n > 0, np.bincount(at[ground], points[ground, 2], height.size) / np.maximum(n, 1), -9999)
-    row("rasterio", "terrain by cell", np.abs(mean.reshape(shape) - images["terrain"][0]).max() < 1e-3, f"{(n > 0).sum()} cells")
+    source, terrain = images["terrain_source"][0], images["terrain"][0]
+    row("rasterio", "terrain by cell", np.abs(mean.reshape(shape) - np.where(source == 2, -9999, terrain)).max() < 1e-3, f"{(n > 0).sum()} cells")
+    row("rasterio", "sources of the terrain", ((source == 1) == (n > 0).reshape(shape)).all() and ((source == 255) == (terrain == -9999)).all(),
+        f"{(source == 2).sum()} completed cells")
+    density = np.bincount(at, minlength=height.size) / (cell / 1000) ** 2
+    row("rasterio", "density by cell", np.abs(density.reshape(shape) - np.maximum(images["density"][0], 0)).max() < 1e-3)
+    ortho, ortho_source = images["orthophoto"], images["orthophoto_source"][0]
+    row("rasterio", "sources of the orthophoto", ((ortho[3] == 255) == (ortho_source != 255)).all(),
+        f"{100 * (ortho_source == 2).sum() / (ortho_source != 255).sum():.1f} % completed")
+    described(out)
     # Of points of equal height the first counts; tiles do not contain that order.
     highest = np.round(points[:, 2] * 1000) == np.round(height[at] * 1000)
     alone = np.bincount(at[highest], minlength=height.size)[at] == 1
     row("rasterio", "classes by cell", (images["class"][0].ravel()[at] == points[:, 3])[highest & alone].all())
     seen = highest & alone & (points[:, 5] != 255)
     row("rasterio", "colors by cell", (images["color"].reshape(4, -1).T[at][seen] == np.c_[rgb[seen], np.full(seen.sum(), 255)]).all())
+
+
+def described(out):
+    """Units, descriptions and names of values, as GDAL reads them."""
+    with rasterio.open(out / "terrain.tif") as image:
+        row("GDAL", "unit and description", image.units == ("metre",) and image.descriptions == ("height of the ground",) and image.nodata == -9999)
+    with rasterio.open(out / "orthophoto.tif") as image:
+        row("GDAL", "bands of the orthophoto", image.descriptions == ("red", "green", "blue", "opacity")
+            and [color.name for color in image.colorinterp] == ["red", "green", "blue", "alpha"])
+    names = re.findall(r"<Category>(.*?)</Category>", (out / "terrain_source.tif.aux.xml").read_text())
+    row("XML", "names of the sources", names == ["", "measured", "completed"])
+
+
+def lines(out, facts, tiles):
+    """Contour lines, breaklines, markings and the index of tiles."""
+    index = geopandas.read_file(out / "tiles.geojson", engine="pyogrio")
+    points = sum(len(tile.points) for tile in tiles)
+    row("GDAL", "index of tiles", index.crs.to_epsg() == facts["epsg"] and index["points"].sum() == points
+        and all((out / name).exists() for name in index["file"]) and (index.area == 2500).all(), f"{len(index)} tiles")
+    with rasterio.open(out / "terrain.tif") as image:
+        terrain, transform = image.read(1), image.transform
+    for name, kinds in [("contours", None), ("breaklines", {"kerb", "road_edge"}), ("markings", {"marking"})]:
+        found = geopandas.read_file(out / f"{name}.geojson", engine="pyogrio")
+        vertices = np.concatenate([np.array(line.coords) for line in found.geometry])
+        column, line = ((vertices[:, 0] - transform.c) / transform.a).astype(int), ((vertices[:, 1] - transform.f) / transform.e).astype(int)
+        below = terrain[line, column]
+        off = np.abs(vertices[:, 2] - below)[below != -9999]
+        row("GDAL", name, found.crs.to_epsg() == facts["epsg"] and (kinds is None or set(found["kind"]) <= kinds)
+            and found.geometry.is_valid.all() and np.median(off) < 0.05,
+            f"{len(found)} lines, {found.length.sum():.0f} m, median {np.median(off):.3f} m from the terrain")
 
 
 def smallest_ply(run, out):
@@ -301,6 +341,7 @@ def main():
     path(run, args.out, facts)
     objects(args.out, facts)
     rasters(run, args.out, facts, tiles)
+    lines(args.out, facts, tiles)
     cloudcompare(run, args.out, facts)
     open3d_reader(run, args.out, facts)
     cloudcompare_program(run, args.out, facts)

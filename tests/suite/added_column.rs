@@ -125,7 +125,7 @@ fn added_column_is_in_clouds_deliveries_and_pictures() {
     std::fs::create_dir(&out).expect("made");
     let system = "system".to_owned();
     let software = "software".to_owned();
-    let options = CloudOptions { has_bands: false, system, software, note: String::new() };
+    let options = CloudOptions { has_bands: false, has_ground_as_2: false, system, software, note: String::new() };
     let tiling = Tiling { side_m: 0, is_compressed: false };
     let files =
         write_tiles(std::slice::from_ref(&finished), &frame, &options, tiling, &out, |_| ()).expect("writes").files;

@@ -283,7 +283,7 @@ fn shot(point: &CloudPoint) -> Shot {
 
 /// Edges of the driven road against the town.
 fn edges(run: &RunFolder, boxes: &Boxes, town: &Town, town_from_run: &Pose) -> anyhow::Result<()> {
-    let mut strips = RoadStrips::new(driven_roads(&run.trajectory));
+    let mut strips = RoadStrips::new(driven_roads([&run.trajectory]));
     for entry in &run.index.clouds {
         run.each_point(entry, |point| {
             if removed(point, boxes).is_none() {

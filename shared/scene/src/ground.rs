@@ -5,5 +5,5 @@ mod measured;
 mod triangles;
 
 pub use completion::{CompletedTile, Completion};
-pub use measured::{GroundKind, GroundVertex, MeasuredGround};
+pub use measured::{GroundKind, GroundPoint, GroundVertex, MeasuredGround};
 pub use triangles::triangles;

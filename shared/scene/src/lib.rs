@@ -7,6 +7,7 @@
 //! | cross sections, lanes, OpenDRIVE | [`road`] |
 //! | vehicles, people, poles, signs, lights | [`assets`] |
 //! | glTF, 3D Tiles, points | `glb`, `tileset`, `static_points` |
+//! | the same ground for the rasters of a delivery | [`CompletedTerrain`] |
 //! | tiles of 50 m, written when no later cloud reaches them or their neighbors | `tile`, `writing` |
 //!
 //! Coordinates are in the frame of the clouds of the run: x east, y north, z up, m. This crate never changes the run. It invents nothing without
@@ -24,6 +25,7 @@ pub mod ground;
 mod removal;
 pub mod road;
 mod static_points;
+mod terrain;
 mod tile;
 mod tileset;
 mod writing;
@@ -32,6 +34,7 @@ pub use error::SceneError;
 pub use glb::Mesh;
 pub use removal::{Boxes, Removed, RemovedPoints, removed};
 pub use static_points::{ScenePoint, StaticPoints, write_points};
+pub use terrain::CompletedTerrain;
 pub use tile::{STEP_M, STEPS, TILE_M, Tile, Vertex};
 pub use tileset::{TileMesh, tileset};
 pub use writing::{GROUND, OBJECTS, POINTS, ROADS, SUMMARY, SceneSummary, TILESET, write_scene};

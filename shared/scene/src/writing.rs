@@ -208,7 +208,7 @@ impl<'a> Writer<'a> {
         Ok(Self {
             out,
             last,
-            strips: RoadStrips::new(driven_roads(&run.trajectory)),
+            strips: RoadStrips::new(driven_roads([&run.trajectory])),
             ground: MeasuredGround::default(),
             points: StaticPoints::default(),
             completion: Completion::default(),

@@ -3,10 +3,11 @@
 use crate::cloud::{self, Cloud, Columns, ScanLine, Spectra};
 use crate::crs::CrsError;
 use crate::error::DeliverError;
-use crate::las::{HeaderFacts, RecordLayout, RecordSource, SCALE_M, Vlr};
+use crate::las::{HeaderFacts, RecordLayout, RecordSource, SCALE_M, Vlr, withhold};
 use crate::path_heading::PathHeading;
 use crate::run_folder::RunFolder;
 use crate::spool::Spool;
+use crate::static_world::StaticWorld;
 use crate::target_frame::TargetFrame;
 use messages::columns::COLUMNS;
 use rayon::prelude::*;
@@ -27,6 +28,8 @@ pub struct CloudOptions {
     pub system: String,
     /// `generating software` of the headers, up to 32 characters.
     pub software: String,
+    /// Whether all kinds of ground, roads included, have the class 2 (ground) of the ASPRS.
+    pub has_ground_as_2: bool,
     /// Note for readers of the file, such as a warning that the coordinates are not georeferenced. Empty = no note.
     pub note: String,
 }
@@ -50,6 +53,8 @@ pub(crate) struct CloudDelivery<'a> {
     pub(crate) facts: HeaderFacts,
     pub(crate) vlrs: Vec<Vlr>,
     pub(crate) left_out: LeftOut,
+    /// Points that this world removes are marked as withheld.
+    pub(crate) withholds: Option<&'a dyn StaticWorld>,
 }
 
 impl<'a> CloudDelivery<'a> {
@@ -63,6 +68,7 @@ impl<'a> CloudDelivery<'a> {
         let offset_m = offset(&clouds, frame)?;
         let table = runs.first().map_or(COLUMNS, |run| run.columns);
         let layout = RecordLayout::new(&cloud::present(table, &clouds), &bands, offset_m);
+        let layout = if options.has_ground_as_2 { layout.with_ground_as_2() } else { layout };
         let facts = HeaderFacts {
             system: options.system.clone(),
             software: options.software.clone(),
@@ -74,7 +80,7 @@ impl<'a> CloudDelivery<'a> {
         let vlrs = frame.wkt().as_deref().map(Vlr::wkt).into_iter();
         let vlrs = vlrs.chain([Vlr::text(text.trim_end()), layout.extra.vlr(), Vlr::class_names()]).collect();
         let left_out = LeftOut { without_place, not_finite: 0 };
-        Ok(Self { runs, frame, clouds, bands, layout, facts, vlrs, left_out })
+        Ok(Self { runs, frame, clouds, bands, layout, facts, vlrs, left_out, withholds: None })
     }
 
     /// Encodes all points into a spool in `folder`, by the key of their stored coordinates.
@@ -156,6 +162,7 @@ impl Encoder<'_> {
         let n = rows.len() / row_size;
         let mut records = vec![0; n * n_bytes];
         let mut keys = Vec::with_capacity(n);
+        let run = cloud.run.survey_drive.unwrap_or(0) as usize;
         let mut converter = delivery.frame.converter();
         let mut near = 0;
         for i in scan_line_order(&cloud.columns, rows) {
@@ -171,6 +178,9 @@ impl Encoder<'_> {
             let columns = &cloud.columns;
             let record_source = RecordSource { point: &point, columns, row, stored, source, forward, spectrum };
             delivery.layout.encode(&record_source, record);
+            if delivery.withholds.is_some_and(|world| world.is_removed(run, &point)) {
+                withhold(record);
+            }
             keys.push(key_of(stored));
         }
         records.truncate(keys.len() * n_bytes);

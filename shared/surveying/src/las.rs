@@ -12,7 +12,9 @@ mod vlr;
 pub(crate) use extra_bytes::{ExtraBytes, ExtraField};
 pub(crate) use file::{Extent, LasFile, compressed_chunk, io_error, laz_vlr};
 pub(crate) use header::{HEADER_BYTES, HeaderFacts, LasHeader};
-pub(crate) use record::{RecordLayout, RecordSource, SCALE_M, color_of, gps_time_of, position_of, source_of};
+pub(crate) use record::{
+    RecordLayout, RecordSource, SCALE_M, color_of, gps_time_of, is_withheld, position_of, source_of, withhold,
+};
 pub(crate) use vlr::{Vlr, evlr_bytes};
 
 /// Bytes of a record of point format 7 before the extra bytes.

@@ -13,12 +13,14 @@
 //! | points by tile or node, in bounded memory | `cloud_delivery`, `spool`, `tiles`, `copc` |
 //! | points of a run that is not finished | [`GrowingCloud`] |
 //! | path and objects | `trajectory`, [`objects`] |
-//! | terrain and top views | `rasters` |
+//! | terrain and top views, contour lines of the terrain | `rasters`, `contours` |
+//! | lines and areas as GeoJSON in coordinates of the delivery | `features` |
+//! | the ground and what stays, as a caller has determined it | [`StaticWorld`] |
 //! | residuals at points that were measured independently | [`check_points`] |
 //! | accuracy at such points and between drives | [`accuracy`] |
 //! | clouds for CloudCompare, sweeps for training | `cloudcompare`, `semantic_kitti` |
 //!
-//! This crate must never change the run that it reads, estimate or filter anything, or shift between datums of
+//! This crate must never change the run that it reads, estimate or filter anything except contour lines, or shift between datums of
 //! receivers: coordinates are converted, values are copied. It refers to no column by name unless a format gives it a meaning: the class of a LAS
 //! record, the camera of a raster.
 //!
@@ -34,9 +36,11 @@ pub mod check_points;
 mod cloud;
 mod cloud_delivery;
 mod cloudcompare;
+mod contours;
 mod copc;
 pub mod crs;
 mod error;
+mod features;
 mod geojson;
 mod growing_cloud;
 mod las;
@@ -46,6 +50,7 @@ mod rasters;
 mod run_folder;
 mod semantic_kitti;
 mod spool;
+mod static_world;
 mod target_frame;
 mod tiles;
 mod trajectory;
@@ -54,15 +59,19 @@ pub use asprs::asprs_class;
 pub use cloud::CloudPoint;
 pub use cloud_delivery::{CloudOptions, LeftOut};
 pub use cloudcompare::write_cloudcompare;
+pub use contours::{CONTOURS, write_contours};
 pub use copc::write_copc;
 pub use error::DeliverError;
+pub use features::{Line, write_lines};
 pub use growing_cloud::{GrowingCloud, Part};
-pub use rasters::{RasterOptions, write_rasters};
+pub use rasters::{CellCounts, RasterOptions, WrittenRasters, write_rasters};
 pub use run_folder::{
     AdjustedCloud, AdjustedDrive, Georeference, RunFolder, SURVEY, SurveyAccuracy, SurveyFile, load_trajectory,
     open_survey,
 };
 pub use semantic_kitti::write_semantic_kitti;
+pub use spool::{KeyedRecords, Spool};
+pub use static_world::{GroundSample, StaticWorld};
 pub use target_frame::{MapChoice, TargetFrame};
-pub use tiles::{PointFile, Tiling, WrittenTiles, write_tiles};
+pub use tiles::{PointFile, TILE_INDEX, Tiling, WrittenTiles, write_tiles};
 pub use trajectory::write_trajectory;

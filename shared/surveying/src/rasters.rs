@@ -1,136 +1,121 @@
-//! Rasters seen from above: terrain, height, color and class, as Cloud-Optimized GeoTIFF.
+//! Rasters seen from above as Cloud-Optimized GeoTIFF: terrain, height, orthophoto, class, density and others.
 //!
 //! A tile of the images is also the unit of work: its points come from a temporary file, and each overview tile is
 //! computed from the four tiles below it. Memory therefore does not grow with the length of the drive.
 
 mod cells;
+mod content;
 mod directory;
 mod geotiff;
+mod nodes;
+mod reader;
+
+pub use reader::CellCounts;
+
+pub(crate) use nodes::{Node, Nodes};
 
 use crate::cloud_delivery::{CloudDelivery, CloudOptions};
 use crate::error::DeliverError;
-use crate::las::{FORMAT_7_BYTES, color_of, position_of, source_of};
 use crate::run_folder::RunFolder;
 use crate::spool::Spool;
+use crate::static_world::StaticWorld;
 use crate::target_frame::TargetFrame;
-use cells::{Cells, TILE};
-use geotiff::{Content, Grid, ImageTiles};
+use cells::Cells;
+use content::Content;
+use geotiff::{Grid, ImageTiles};
 use rayon::prelude::*;
+use reader::{CellReader, FieldOffsets, Lattice, spool_ground};
 use std::collections::BTreeSet;
 use std::path::Path;
-
-/// Number of points read at a time.
-const POINTS_AT_A_TIME: usize = 1 << 18;
+use std::sync::{Mutex, PoisonError};
 
 /// Settings of the rasters.
-#[derive(Clone, Copy, Debug)]
-pub struct RasterOptions {
+#[derive(Clone, Copy)]
+pub struct RasterOptions<'a> {
     /// Side of a cell, mm.
     pub cell_mm: u32,
     /// sRGB by class id.
     pub class_colors: [[u8; 3]; 256],
+    /// The static world. `None`: the terrain has measured cells only, and there is no orthophoto.
+    pub world: Option<&'a dyn StaticWorld>,
+    /// Whether heights of the ground are kept for contour lines.
+    pub keeps_nodes: bool,
+}
+
+/// The rasters of runs.
+pub struct WrittenRasters {
+    /// Names of the files.
+    pub files: Vec<&'static str>,
+    /// Numbers of cells by their source.
+    pub counts: CellCounts,
+    /// Heights of the ground for contour lines.
+    pub(crate) nodes: Option<Nodes>,
 }
 
 /// Column and row of a tile from the origin of the coordinates; rows increase to the north.
 type Tile = (i64, i64);
 
-/// Writes `height.tif` and, if the runs have classes or colors, `terrain.tif` and `class.tif` (classes) and `color.tif`
-/// (colors), and for several runs with classes `difference.tif` (differences between runs) into the existing folder `out`. Returns the names of the files. Points on moving objects are left out.
+/// Writes rasters into the existing folder `out`: `height.tif` and `density.tif`; if the runs have classes `terrain.tif` and `class.tif`, and
+/// for several runs `difference.tif` (differences between runs); if they have colors `color.tif`; with a static world also `orthophoto.tif`
+/// and the sources of terrain and orthophoto. Points on moving objects are left out.
 pub fn write_rasters(
     runs: &[RunFolder],
     frame: &TargetFrame<'_>,
     options: &CloudOptions,
-    RasterOptions { cell_mm, class_colors }: RasterOptions,
+    rasters: &RasterOptions<'_>,
     out: &Path,
-) -> Result<Vec<&'static str>, DeliverError> {
+) -> Result<WrittenRasters, DeliverError> {
+    let RasterOptions { cell_mm, class_colors, world, keeps_nodes } = rasters;
     let options = CloudOptions { has_bands: false, ..options.clone() };
     let mut delivery = CloudDelivery::new(runs, frame, &options)?;
-    let cell = i64::from(cell_mm);
+    delivery.withholds = *world;
     let [x0, y0, _] = delivery.facts.offset_m.map(|offset| offset as i64 * 1000);
-    let side = cell * TILE as i64;
-    let tile_of =
-        move |[x, y, _]: [i32; 3]| ((i64::from(x) + x0).div_euclid(side), (i64::from(y) + y0).div_euclid(side));
-    let points = delivery.spool(out, tile_of, |_| ())?;
-    let fields = delivery.extra_offsets();
+    let lattice = Lattice { origin: [x0, y0], cell: i64::from(*cell_mm) };
+    let points = delivery.spool(out, |stored| lattice.tile(stored), |_| ())?;
+    let fields = FieldOffsets::new(&delivery);
+    let world = world.filter(|_| fields.class.is_some());
+    let ground = world.map(|world| spool_ground(world, frame, &delivery, lattice, out)).transpose()?;
+    let cell_m = f64::from(*cell_mm) / 1000.0;
+    let has_terrain = fields.class.is_some();
     let reader = CellReader {
         points: &points,
+        ground: ground.as_ref(),
         fields,
-        origin: [x0, y0],
-        cell,
+        lattice,
         record_bytes: delivery.facts.record_bytes,
         has_several_runs: runs.len() > 1,
+        counts: Mutex::default(),
+        nodes: (*keeps_nodes && has_terrain).then(|| Mutex::new(Nodes::new(cell_m))),
     };
-    let mut images = vec![("height.tif", Content::Height)];
-    if fields.class.is_some() {
-        images.extend([("terrain.tif", Content::Terrain), ("class.tif", Content::Class(&class_colors))]);
-        images.extend((runs.len() > 1).then_some(("difference.tif", Content::Difference)));
+    let mut images = vec![Content::Height, Content::Density];
+    if has_terrain {
+        images.extend([Content::Terrain, Content::Class(class_colors)]);
+        images.extend(ground.as_ref().map(|_| Content::TerrainSource));
+        images.extend((runs.len() > 1).then_some(Content::Difference));
     }
     if fields.camera.is_some() {
-        images.push(("color.tif", Content::Color));
+        images.push(Content::Color);
+        images.extend(ground.iter().flat_map(|_| [Content::Orthophoto, Content::OrthophotoSource]));
     }
-    let tiles: BTreeSet<Tile> = points.keys().into_iter().map(|tile| tile.key).collect();
-    let Some(pyramid) = Pyramid::new(&tiles) else { return Ok(Vec::new()) };
-    let stores: Result<Vec<ImageTiles<'_>>, DeliverError> =
-        images.iter().map(|(_, content)| ImageTiles::create(out, *content)).collect();
-    let stores = stores?;
-    pyramid.build(pyramid.levels.len() - 1, (0, 0), &reader, &stores)?;
-    let grid = Grid {
-        low: pyramid.low,
-        size: pyramid.size,
-        n_levels: pyramid.levels.len(),
-        cell_m: f64::from(cell_mm) / 1000.0,
-    };
-    for ((name, _), store) in images.iter().zip(&stores) {
-        store.write(&out.join(name), &grid, frame)?;
+    let keys = points.keys().into_iter().chain(ground.iter().flat_map(Spool::keys));
+    let tiles: BTreeSet<Tile> = keys.map(|tile| tile.key).collect();
+    let mut files = Vec::new();
+    if let Some(pyramid) = Pyramid::new(&tiles) {
+        let stores = images.iter().map(|content| ImageTiles::create(out, *content));
+        let stores: Vec<ImageTiles<'_>> = stores.collect::<Result<_, _>>()?;
+        pyramid.build(pyramid.levels.len() - 1, (0, 0), &reader, &stores)?;
+        let grid = Grid { low: pyramid.low, size: pyramid.size, n_levels: pyramid.levels.len(), cell_m };
+        for (content, store) in images.iter().zip(&stores) {
+            store.write(&out.join(content.file_name()), &grid, frame)?;
+            files.push(content.file_name());
+        }
     }
-    Ok(images.into_iter().map(|(name, _)| name).collect())
-}
-
-/// Offsets in a record of the fields that rasters need. `None` if records do not have the field.
-#[derive(Clone, Copy)]
-struct FieldOffsets {
-    class: Option<usize>,
-    moving: Option<usize>,
-    camera: Option<usize>,
-}
-
-/// Converts the points of tiles to cells.
-struct CellReader<'a> {
-    points: &'a Spool<Tile>,
-    fields: FieldOffsets,
-    /// Coordinates that are stored as 0, mm.
-    origin: [i64; 2],
-    cell: i64,
-    record_bytes: usize,
-    has_several_runs: bool,
-}
-
-impl CellReader<'_> {
-    fn read(&self, tile: Tile) -> Result<Cells, DeliverError> {
-        let mut cells = Cells::builder();
-        let FieldOffsets { class, moving, camera } = self.fields;
-        let value = |record: &[u8], at: Option<usize>, absent: u8| at.map_or(absent, |at| record[at]);
-        self.points.each_piece(&tile, POINTS_AT_A_TIME, |records| {
-            for record in records.chunks_exact(self.record_bytes) {
-                if value(record, moving, 0) != 0 {
-                    continue;
-                }
-                let [x, y, z] = position_of(record);
-                let column = (i64::from(x) + self.origin[0]).div_euclid(self.cell) - tile.0 * TILE as i64;
-                let row = (i64::from(y) + self.origin[1]).div_euclid(self.cell) - tile.1 * TILE as i64;
-                // Image rows increase to the south.
-                let idx = (TILE - 1 - row as usize) * TILE + column as usize;
-                let is_colored = value(record, camera, messages::UNSEEN) != messages::UNSEEN;
-                let class = value(record, class, 0);
-                cells.add(idx, z, class, is_colored.then_some(color_of(record)));
-                if self.has_several_runs {
-                    cells.add_to_difference(idx, z, class, source_of(record));
-                }
-            }
-            Ok(())
-        })?;
-        Ok(cells.finish())
-    }
+    let unlocked = PoisonError::into_inner;
+    Ok(WrittenRasters {
+        files,
+        counts: reader.counts.into_inner().unwrap_or_else(unlocked),
+        nodes: reader.nodes.map(|nodes| nodes.into_inner().unwrap_or_else(PoisonError::into_inner)),
+    })
 }
 
 /// Tiles of all levels: full resolution, then overviews with half the resolution of the previous level.
@@ -181,12 +166,5 @@ impl Pyramid {
         };
         images.iter().try_for_each(|image| image.add(level, tile, &cells))?;
         Ok(Some(cells))
-    }
-}
-
-impl CloudDelivery<'_> {
-    fn extra_offsets(&self) -> FieldOffsets {
-        let offset = |name: &str| self.layout.extra.offset(name).map(|at| FORMAT_7_BYTES + at);
-        FieldOffsets { class: offset("class"), moving: offset("moving"), camera: offset("camera") }
     }
 }

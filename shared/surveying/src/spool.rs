@@ -11,7 +11,7 @@ const WAITING_BYTES: usize = 1 << 28;
 
 /// The records of each key, in the order in which they were added: the latest ones in memory, earlier ones in a temporary
 /// file.
-pub(crate) struct Spool<K> {
+pub struct Spool<K> {
     /// Unnamed: it is deleted when the process ends.
     file: File,
     /// The folder, for error messages.
@@ -39,15 +39,16 @@ struct Piece {
 }
 
 /// A key with records.
-pub(crate) struct KeyedRecords<K> {
-    pub(crate) key: K,
+pub struct KeyedRecords<K> {
+    /// The key.
+    pub key: K,
     /// Number of its records.
-    pub(crate) n: u64,
+    pub n: u64,
 }
 
 impl<K: Ord + Copy> Spool<K> {
     /// Creates a spool in `folder`, which needs space for all records.
-    pub(crate) fn create(folder: &Path, record_bytes: usize) -> Result<Self, DeliverError> {
+    pub fn create(folder: &Path, record_bytes: usize) -> Result<Self, DeliverError> {
         let file = tempfile::tempfile_in(folder).map_err(DeliverError::file(folder, "create a temporary file"))?;
         Ok(Self {
             file,
@@ -61,7 +62,7 @@ impl<K: Ord + Copy> Spool<K> {
     }
 
     /// Adds records with the given keys. This is fastest if neighbors have the same key.
-    pub(crate) fn add(&mut self, records: &[u8], keys: &[K]) -> Result<(), DeliverError> {
+    pub fn add(&mut self, records: &[u8], keys: &[K]) -> Result<(), DeliverError> {
         let mut at = 0;
         for run in keys.chunk_by(PartialEq::eq) {
             let end = at + run.len() * self.record_bytes;
@@ -93,12 +94,12 @@ impl<K: Ord + Copy> Spool<K> {
     }
 
     /// Size of a record.
-    pub(crate) fn record_bytes(&self) -> usize {
+    pub fn record_bytes(&self) -> usize {
         self.record_bytes
     }
 
     /// Keys with records.
-    pub(crate) fn keys(&self) -> Vec<KeyedRecords<K>> {
+    pub fn keys(&self) -> Vec<KeyedRecords<K>> {
         let n_bytes =
             |of_key: &OfKey| of_key.pieces.iter().map(|piece| piece.n_bytes).sum::<usize>() + of_key.waiting.len();
         let counted =
@@ -107,7 +108,7 @@ impl<K: Ord + Copy> Spool<K> {
     }
 
     /// Passes the records of a key to `take`, in pieces of `most_points`; the last piece may be shorter.
-    pub(crate) fn each_piece(
+    pub fn each_piece(
         &self,
         key: &K,
         most_points: usize,

@@ -2,18 +2,24 @@
 
 use crate::cloud_delivery::{CloudDelivery, CloudOptions, LeftOut, metres};
 use crate::error::DeliverError;
+use crate::features::{rectangle_feature, write_features};
+use crate::geojson::rounded;
 use crate::las::{Extent, LasFile};
 use crate::run_folder::RunFolder;
 use crate::spool::KeyedRecords;
 use crate::target_frame::TargetFrame;
 use rayon::prelude::*;
 use serde::Serialize;
+use serde_json::json;
 use std::path::Path;
 
 /// Points of one file that are compressed in parallel, in chunks of 50 000.
 const POINTS_AT_A_TIME: usize = 200_000;
 /// Stored coordinate steps per metre.
 const STEPS_PER_M: i64 = 1000;
+
+/// Name of the file with the squares of the tiles.
+pub const TILE_INDEX: &str = "tiles.geojson";
 
 /// Division of points into files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -141,7 +147,29 @@ pub fn write_tiles(
         files.extend(written?);
         progress(tiles.iter().map(|tile| tile.n).sum());
     }
+    // Readers of GeoJSON take local coordinates for degrees.
+    if tiling.side_m > 0 && frame.crs().is_some() {
+        write_tile_index(&out.join(TILE_INDEX), frame, tiling.side_m, &tiles, &files)?;
+    }
     Ok(WrittenTiles { files, left_out: delivery.left_out })
+}
+
+/// Writes the squares of the tiles with the names of their files.
+fn write_tile_index(
+    path: &Path,
+    frame: &TargetFrame<'_>,
+    side_m: u32,
+    tiles: &[KeyedRecords<(i64, i64)>],
+    files: &[PointFile],
+) -> Result<(), DeliverError> {
+    let feature = |(tile, file): (&KeyedRecords<(i64, i64)>, &PointFile)| {
+        let low = [tile.key.0, tile.key.1].map(|number| (number * i64::from(side_m)) as f64);
+        let square = [low, low.map(|value| value + f64::from(side_m))];
+        let [low_z, high_z] = file.bounds.map(|corner| rounded(corner[2], 1e3));
+        let properties = json!({ "file": file.file, "points": file.n_points, "low_m": low_z, "high_m": high_z });
+        rectangle_feature(square, &properties)
+    };
+    write_features(path, frame, &tiles.iter().zip(files).map(feature).collect::<Vec<_>>())
 }
 
 #[cfg(test)]

@@ -18,6 +18,10 @@ const MAX_STEP_M: f64 = 0.05;
 const MAX_SLOPE: f64 = 0.12;
 /// Distance at which the score of a completed vertex is one half, m. Chosen on simulated towns (`lab/notebook/scenes.md`).
 const HALF_SCORE_M: f64 = 3.0;
+/// Longest distance of a color, steps of the lattice: 3 m, the width of the strip that a parked lorry hides from a camera.
+const COLOR_REACH: i64 = (3.0 / STEP_M) as i64;
+/// Directions in which a color must be found.
+const MIN_COLORS: usize = 3;
 /// Sides that must be measured.
 const MIN_SIDES: usize = 3;
 
@@ -75,6 +79,20 @@ impl Completion {
         self.tiles.contains_key(&tile)
     }
 
+    /// Completes the colors of a tile: ground that the LiDAR saw and no camera, such as next to a parked car, gets the color of the nearest
+    /// measured ground around.
+    pub fn complete_colors(&self, tile: Tile, ground: &mut CompletedTile) {
+        let window = Window::new(self, tile);
+        let rows = ground.vertices.par_chunks_mut(SIDE).enumerate();
+        rows.for_each(|(y, row)| {
+            for (x, vertex) in
+                row.iter_mut().enumerate().filter(|(_, vertex)| vertex.is_known() && vertex.rgb == [0; 3])
+            {
+                vertex.rgb = window.color([x as i64, y as i64]);
+            }
+        });
+    }
+
     /// Completes a tile whose neighbors have been added. `direction` gives the direction of the street at a place as a unit vector, if it is
     /// known there.
     pub fn complete(&self, tile: Tile, direction: impl Fn([f64; 2]) -> Option<[f64; 2]> + Sync) -> CompletedTile {
@@ -117,12 +135,32 @@ impl<'a> Window<'a> {
     }
 
     /// The nearest measured vertex in a direction, within reach and before a wall.
-    fn end(&self, [x, y]: [i64; 2], step: [f64; 2]) -> Option<End> {
+    fn end(&self, at: [i64; 2], step: [f64; 2]) -> Option<End> {
+        self.nearest(at, step, REACH, GroundVertex::is_known)
+    }
+
+    /// Mean color of the nearest colored vertices around; black with fewer than [`MIN_COLORS`].
+    fn color(&self, at: [i64; 2]) -> [u8; 3] {
+        let is_colored = |vertex: &GroundVertex| vertex.is_known() && vertex.rgb != [0; 3];
+        let around = DIRECTIONS.map(|step| self.nearest(at, step.map(|value| value as f64), COLOR_REACH, is_colored));
+        let ends: Vec<End> = around.into_iter().flatten().collect();
+        let weights: Vec<f64> = ends.iter().map(|end| end.distance_m.powi(-2)).collect();
+        if ends.len() < MIN_COLORS { [0; 3] } else { mean_color(ends.iter().zip(&weights)) }
+    }
+
+    /// The nearest wanted vertex in a direction, within `reach` steps of the lattice and before a wall.
+    fn nearest(
+        &self,
+        [x, y]: [i64; 2],
+        step: [f64; 2],
+        reach: i64,
+        is_wanted: impl Fn(&GroundVertex) -> bool,
+    ) -> Option<End> {
         let length = step[0].hypot(step[1]);
-        for k in 1..=(REACH as f64 / length) as i64 {
+        for k in 1..=(reach as f64 / length) as i64 {
             let offset = step.map(|value| (value * k as f64).round() as i64);
             let vertex = self.get([x + offset[0], y + offset[1]]);
-            if vertex.is_known() {
+            if is_wanted(&vertex) {
                 return Some(End { distance_m: k as f64 * length * STEP_M, vertex });
             }
             if vertex.is_wall {
@@ -168,11 +206,22 @@ fn between(ends: &[End]) -> GroundVertex {
     let distance_m = nearest.map_or(0.0, |end| end.distance_m);
     GroundVertex {
         height_m: mean(&|vertex| f64::from(vertex.height_m)) as f32,
-        rgb: std::array::from_fn(|channel| mean(&|vertex| f64::from(vertex.rgb[channel])).round() as u8),
+        rgb: mean_color(ends.iter().zip(&weights)),
         kind: nearest.map(|end| end.vertex.kind).unwrap_or_default(),
         score: (HALF_SCORE_M / (HALF_SCORE_M + distance_m)) as f32,
         is_wall: false,
     }
+}
+
+/// Mean color of the ends with a color; black if none has one.
+fn mean_color<'a>(ends: impl Iterator<Item = (&'a End, &'a f64)>) -> [u8; 3] {
+    let mut sum = [0.0; 3];
+    let mut weights = 0.0;
+    for (End { vertex, .. }, weight) in ends.filter(|(end, _)| end.vertex.rgb != [0; 3]) {
+        sum.iter_mut().zip(vertex.rgb).for_each(|(sum, channel)| *sum += weight * f64::from(channel));
+        weights += weight;
+    }
+    if weights == 0.0 { [0; 3] } else { sum.map(|sum| (sum / weights).round() as u8) }
 }
 
 #[cfg(test)]
@@ -234,6 +283,27 @@ mod tests {
         let unknown = completion.complete(TILE, |_| None);
         let worst = unknown.vertices.iter().zip(&found.vertices).map(|(a, b)| (a.height_m - b.height_m).abs());
         assert!(worst.fold(0.0, f32::max) > 0.04);
+    }
+
+    #[test]
+    fn colors_go_on_next_to_a_car_and_are_not_mixed_with_black() {
+        let mut completion = Completion::default();
+        // Ground of one color; a strip of 1 m that no camera saw, and a hidden place of 1 m next to it.
+        let vertex = |[x, y]: [f64; 2]| match (x, y) {
+            (x, y) if (20.0..21.0).contains(&x) && (10.0..11.0).contains(&y) => GroundVertex::UNKNOWN,
+            (x, _) if (21.0..22.0).contains(&x) => street([x, y]),
+            (x, _) if x > 40.0 => street([x, y]),
+            _ => GroundVertex { rgb: [80, 90, 100], ..street([x, y]) },
+        };
+        completion.insert(TILE, tile(vertex));
+        let mut found = completion.complete(TILE, |_| None);
+        let at = |found: &CompletedTile, x: f64, y: f64| {
+            found.vertices[(y / STEP_M) as usize * SIDE + (x / STEP_M) as usize].rgb
+        };
+        assert_eq!((at(&found, 20.5, 10.5), at(&found, 21.5, 30.0)), ([80, 90, 100], [0; 3]));
+        completion.complete_colors(TILE, &mut found);
+        assert_eq!(at(&found, 21.5, 30.0), [80, 90, 100]);
+        assert_eq!(at(&found, 46.0, 30.0), [0; 3], "no color within reach");
     }
 
     #[test]

@@ -60,6 +60,78 @@ impl GroundVertex {
     }
 }
 
+/// What a point is on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Surface {
+    /// Ground.
+    Ground(GroundKind),
+    /// A wall, at which the completion ends.
+    Wall,
+}
+
+/// A point of the ground or of a wall, at its vertex.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GroundPoint {
+    /// The nearest vertex.
+    pub vertex: Vertex,
+    /// Height, m.
+    pub height_m: f64,
+    /// sRGB; black without color.
+    pub rgb: [u8; 3],
+    /// What it is on.
+    pub surface: Surface,
+}
+
+/// Number of a wall in the bytes of a point; kinds of ground have the numbers below.
+const WALL: u8 = N_KINDS as u8;
+
+impl GroundPoint {
+    /// Bytes of a point: index of its vertex in the tile, height, color, surface.
+    pub(crate) const N_BYTES: usize = 16;
+
+    /// A point of a cloud. `None` if it is on something else.
+    pub fn new(point: &CloudPoint) -> Option<Self> {
+        let class = ClassId::from_id(point.class)?;
+        let is_wall = matches!(class, ClassId::Building | ClassId::Wall | ClassId::Fence | ClassId::GuardRail);
+        let surface = GroundKind::from_class(class).map(Surface::Ground).or(is_wall.then_some(Surface::Wall))?;
+        let [x, y, height_m] = point.xyz;
+        Some(Self { vertex: Vertex::nearest(x, y), height_m, rgb: point.rgb, surface })
+    }
+
+    /// The bytes of the point in its tile.
+    pub(crate) fn to_bytes(self) -> [u8; Self::N_BYTES] {
+        let mut bytes = [0; Self::N_BYTES];
+        bytes[..4].copy_from_slice(&(self.vertex.idx_in_tile() as u32).to_le_bytes());
+        bytes[4..12].copy_from_slice(&self.height_m.to_le_bytes());
+        bytes[12..15].copy_from_slice(&self.rgb);
+        bytes[15] = match self.surface {
+            Surface::Ground(kind) => kind as u8,
+            Surface::Wall => WALL,
+        };
+        bytes
+    }
+
+    /// The point of a tile with these bytes.
+    pub(crate) fn from_bytes(tile: Tile, bytes: &[u8; Self::N_BYTES]) -> Self {
+        let [a, b, c, d, height @ .., r, g, blue, surface] = *bytes;
+        let idx = i64::from(u32::from_le_bytes([a, b, c, d]));
+        let steps = STEPS as i64;
+        let surface = match surface {
+            0 => Surface::Ground(GroundKind::Road),
+            1 => Surface::Ground(GroundKind::Marking),
+            2 => Surface::Ground(GroundKind::Sidewalk),
+            WALL => Surface::Wall,
+            _ => Surface::Ground(GroundKind::Other),
+        };
+        Self {
+            vertex: tile.first_vertex().plus(idx % steps, idx / steps),
+            height_m: f64::from_le_bytes(height),
+            rgb: [r, g, blue],
+            surface,
+        }
+    }
+}
+
 /// Sums over the points nearest to a vertex.
 #[derive(Clone, Copy, Default)]
 struct Sums {
@@ -80,23 +152,26 @@ pub struct MeasuredGround {
 impl MeasuredGround {
     /// Adds a point of the static world.
     pub fn add(&mut self, point: &CloudPoint) {
-        let Some(class) = ClassId::from_id(point.class) else { return };
-        let kind = GroundKind::from_class(class);
-        let is_wall = matches!(class, ClassId::Building | ClassId::Wall | ClassId::Fence | ClassId::GuardRail);
-        if kind.is_none() && !is_wall {
-            return;
+        if let Some(ground) = GroundPoint::new(point) {
+            self.add_ground(&ground);
         }
-        let vertex = Vertex::nearest(point.xyz[0], point.xyz[1]);
+    }
+
+    /// Adds a point of the ground or of a wall.
+    pub fn add_ground(&mut self, point: &GroundPoint) {
+        let GroundPoint { vertex, height_m, rgb, surface } = *point;
         let sums = self.tiles.entry(vertex.tile()).or_insert_with(|| vec![Sums::default(); STEPS * STEPS]);
         let sums = &mut sums[vertex.idx_in_tile()];
-        sums.is_wall |= is_wall;
-        let Some(kind) = kind else { return };
-        sums.height_m += point.xyz[2];
+        let Surface::Ground(kind) = surface else {
+            sums.is_wall = true;
+            return;
+        };
+        sums.height_m += height_m;
         sums.n += 1;
         sums.kinds[kind as usize] += 1;
-        if point.rgb != [0; 3] {
+        if rgb != [0; 3] {
             sums.n_colored += 1;
-            sums.rgb.iter_mut().zip(point.rgb).for_each(|(sum, channel)| *sum += u32::from(channel));
+            sums.rgb.iter_mut().zip(rgb).for_each(|(sum, channel)| *sum += u32::from(channel));
         }
     }
 
@@ -155,6 +230,24 @@ fn smoothed(idx: usize, heights: &[f32], sums: &[Sums]) -> f32 {
 mod tests {
     use super::*;
     use crate::removal::tests::point;
+
+    #[test]
+    fn point_survives_its_bytes() {
+        for (class, surface) in [
+            (ClassId::Road, Some(Surface::Ground(GroundKind::Road))),
+            (ClassId::RoadLine, Some(Surface::Ground(GroundKind::Marking))),
+            (ClassId::Sidewalk, Some(Surface::Ground(GroundKind::Sidewalk))),
+            (ClassId::Terrain, Some(Surface::Ground(GroundKind::Other))),
+            (ClassId::Fence, Some(Surface::Wall)),
+            (ClassId::Pole, None),
+        ] {
+            let ground = GroundPoint::new(&point(class, [-73.21, 112.34, -5.678_901]));
+            assert_eq!(ground.map(|ground| ground.surface), surface);
+            if let Some(ground) = ground {
+                assert_eq!(GroundPoint::from_bytes(ground.vertex.tile(), &ground.to_bytes()), ground);
+            }
+        }
+    }
 
     #[test]
     fn vertex_has_mean_height_color_and_most_common_kind() {

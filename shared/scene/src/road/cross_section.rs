@@ -23,6 +23,8 @@ const MIN_SIDEWALK_M: f64 = 0.8;
 const SIDEWALK_SHARE: f64 = 0.4;
 /// The kerb is searched this far from the edge that the classes give, bins.
 const KERB_BINS: usize = 6;
+/// The height of the road at the edge comes from the nearest of this many bins: 1 m.
+const EDGE_BINS: usize = 10;
 /// Height of a kerb within four bins, m.
 const MIN_KERB_M: f64 = 0.05;
 
@@ -46,6 +48,8 @@ pub struct SideSection {
     pub sidewalk_m: Option<f64>,
     /// Height of the sidewalk or ground above the road at the edge, m; 0 if unknown.
     pub kerb_m: f64,
+    /// Height of the road at the edge, m. `None` if it is unknown.
+    pub height_m: Option<f64>,
 }
 
 /// Painted line along the road.
@@ -124,7 +128,7 @@ fn bridge_mouths(sections: &mut [CrossSection]) {
                 (Some((_, only)), None) | (None, Some((_, only))) => only,
                 (None, None) => sides[side].edge_m.clamp(-MAX_HALF_M, MAX_HALF_M),
             };
-            sides[side] = SideSection { edge_m, is_seen: false, sidewalk_m: None, kerb_m: 0.0 };
+            sides[side] = SideSection { edge_m, is_seen: false, sidewalk_m: None, kerb_m: 0.0, height_m: None };
         }
     }
 }
@@ -189,7 +193,10 @@ fn side(bins: &[Bin], is_left: bool) -> Option<SideSection> {
     });
     let n_sidewalk = end.count();
     let sidewalk_m = (n_sidewalk as f64 * BIN_M >= MIN_SIDEWALK_M).then(|| outward(edge + n_sidewalk));
-    Some(SideSection { edge_m: outward(edge), is_seen, sidewalk_m, kerb_m: kerb.map_or(0.0, |kerb| kerb.height_m) })
+    // The edge of a kerb is exact to a bin, so the bin inside may be beyond the kerb.
+    let inside = (edge.saturating_sub(EDGE_BINS)..edge.saturating_sub(1)).rev().find_map(|k| height(&bins[at(k)]));
+    let kerb_m = kerb.map_or(0.0, |kerb| kerb.height_m);
+    Some(SideSection { edge_m: outward(edge), is_seen, sidewalk_m, kerb_m, height_m: inside })
 }
 
 /// A step up at the edge of the road.
@@ -315,7 +322,13 @@ pub(in crate::road) mod tests {
 
     #[test]
     fn edge_goes_straight_on_past_the_mouth_of_a_street() {
-        let seen = |edge_m: f64| SideSection { edge_m, is_seen: true, sidewalk_m: Some(edge_m + 2.0), kerb_m: 0.1 };
+        let seen = |edge_m: f64| SideSection {
+            edge_m,
+            is_seen: true,
+            sidewalk_m: Some(edge_m + 2.0),
+            kerb_m: 0.1,
+            height_m: None,
+        };
         let section = |(idx, left): (usize, SideSection)| CrossSection {
             station: 10 * idx,
             height_m: None,

@@ -246,7 +246,8 @@ mod tests {
     use crate::road::cross_section::Marking;
 
     fn section(station: usize, edges: [f64; 2], markings: &[(f64, bool)]) -> CrossSection {
-        let side = |edge_m: f64, sidewalk_m| SideSection { edge_m, is_seen: true, sidewalk_m, kerb_m: 0.12 };
+        let side =
+            |edge_m: f64, sidewalk_m| SideSection { edge_m, is_seen: true, sidewalk_m, kerb_m: 0.12, height_m: None };
         CrossSection {
             station,
             height_m: Some(0.0),

@@ -45,31 +45,38 @@ pub struct DrivenRoad {
     pub stations: Vec<Station>,
 }
 
-/// The streets of a path, in the order in which they were driven. Repeated parts are left out.
-pub fn driven_roads(path: &Trajectory) -> Vec<DrivenRoad> {
-    let stations = stations(path);
+/// The streets of paths, in the order in which they were driven. Repeated parts are left out.
+pub fn driven_roads<'a>(paths: impl IntoIterator<Item = &'a Trajectory>) -> Vec<DrivenRoad> {
     let mut seen: HashMap<[i64; 2], Vec<usize>> = HashMap::new();
     let cell = |place: [f64; 2]| place.map(|value| (value / SAME_STREET_M).floor() as i64);
     let mut roads = Vec::new();
     let mut open: Vec<Station> = Vec::new();
-    for (idx, station) in stations.iter().enumerate() {
-        let [column, row] = cell(station.place);
-        let near = (-1..=1).flat_map(|i| (-1..=1).map(move |j| [column + i, row + j]));
-        let earlier = near.filter_map(|cell| seen.get(&cell)).flatten();
-        let is_repeated = earlier.map(|earlier| (idx - earlier, &stations[*earlier])).any(|(back, earlier)| {
-            let cosine = earlier.direction[0] * station.direction[0] + earlier.direction[1] * station.direction[1];
-            let [along, left] = earlier.along_and_left(station.place);
-            let is_parallel = cosine < -PARALLEL || cosine > PARALLEL && back > EARLIER;
-            is_parallel && along.hypot(left) < SAME_STREET_M
-        });
-        if is_repeated {
-            roads.push(std::mem::take(&mut open));
-        } else {
-            seen.entry([column, row]).or_default().push(idx);
-            open.push(*station);
+    let mut all: Vec<Station> = Vec::new();
+    for path in paths {
+        // All stations of earlier paths are earlier parts.
+        let first = all.len();
+        for station in stations(path) {
+            let idx = all.len();
+            let [column, row] = cell(station.place);
+            let near = (-1..=1).flat_map(|i| (-1..=1).map(move |j| [column + i, row + j]));
+            let earlier = near.filter_map(|cell| seen.get(&cell)).flatten();
+            let is_repeated = earlier.map(|earlier| (*earlier, &all[*earlier])).any(|(number, earlier)| {
+                let cosine = earlier.direction[0] * station.direction[0] + earlier.direction[1] * station.direction[1];
+                let [along, left] = earlier.along_and_left(station.place);
+                let is_back = number < first || idx - number > EARLIER;
+                let is_parallel = cosine < -PARALLEL || cosine > PARALLEL && is_back;
+                is_parallel && along.hypot(left) < SAME_STREET_M
+            });
+            all.push(station);
+            if is_repeated {
+                roads.push(std::mem::take(&mut open));
+            } else {
+                seen.entry([column, row]).or_default().push(idx);
+                open.push(station);
+            }
         }
+        roads.push(std::mem::take(&mut open));
     }
-    roads.push(open);
     roads.retain(|stations| stations.len() >= MIN_STATIONS);
     roads.into_iter().map(|stations| DrivenRoad { stations }).collect()
 }
@@ -153,7 +160,7 @@ mod tests {
         let stop = (0..50).map(|_| [99.0, 0.0]);
         let back = (0..100).map(|x| [99.0 - f64::from(x), 3.5]);
         let north = (1..60).map(|y| [0.0, 3.5 + f64::from(y)]);
-        let roads = driven_roads(&path(there.chain(stop).chain(back).chain(north)));
+        let roads = driven_roads([&path(there.chain(stop).chain(back).chain(north))]);
         let lengths: Vec<f64> = roads.iter().map(|road| road.stations.len() as f64 * STATION_M).collect();
         assert_eq!(lengths.len(), 2, "{lengths:?}");
         assert!((lengths[0] - 100.0).abs() < 5.0 && (lengths[1] - 58.0).abs() < 12.0, "{lengths:?}");
@@ -164,8 +171,18 @@ mod tests {
     }
 
     #[test]
+    fn street_that_an_earlier_drive_has_driven_is_not_repeated() {
+        let there = path((0..100).map(|x| [f64::from(x), 0.0]));
+        let again = path((0..160).map(|x| [f64::from(x), 1.0]));
+        let roads = driven_roads([&there, &again]);
+        let lengths: Vec<f64> = roads.iter().map(|road| road.stations.len() as f64 * STATION_M).collect();
+        assert_eq!(lengths.len(), 2, "{lengths:?}");
+        assert!((lengths[0] - 99.5).abs() < 1.0 && (lengths[1] - 48.0).abs() < 2.0, "{lengths:?}");
+    }
+
+    #[test]
     fn standing_vehicle_has_no_road() {
-        assert!(driven_roads(&path((0..100).map(|k| [0.01 * f64::from(k % 2), 0.0]))).is_empty());
-        assert!(driven_roads(&Trajectory::default()).is_empty());
+        assert!(driven_roads([&path((0..100).map(|k| [0.01 * f64::from(k % 2), 0.0]))]).is_empty());
+        assert!(driven_roads([&Trajectory::default()]).is_empty());
     }
 }

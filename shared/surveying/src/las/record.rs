@@ -10,7 +10,7 @@
 //! ```
 
 use super::{ExtraBytes, ExtraField, FORMAT_7_BYTES};
-use crate::asprs::{NEVER_CLASSIFIED, asprs_table};
+use crate::asprs::{NEVER_CLASSIFIED, asprs_table, ground_as_2_table};
 use crate::cloud::{CloudPoint, Columns, Present};
 use formats::gps_time::adjusted_gps_from_unix;
 
@@ -68,6 +68,21 @@ pub(crate) fn source_of(record: &[u8]) -> u16 {
     u16::from_le_bytes([record[20], record[21]])
 }
 
+/// The bit of the classification flags for points that are withheld.
+const WITHHELD: u8 = 1 << 2;
+
+/// Marks a record as withheld.
+#[inline]
+pub(crate) fn withhold(record: &mut [u8]) {
+    record[15] |= WITHHELD;
+}
+
+/// Whether a record is marked as withheld.
+#[inline]
+pub(crate) fn is_withheld(record: &[u8]) -> bool {
+    record[15] & WITHHELD != 0
+}
+
 /// GPS time of a record, s.
 #[inline]
 pub(crate) fn gps_time_of(record: &[u8]) -> f64 {
@@ -84,6 +99,11 @@ impl RecordLayout {
     pub(crate) fn new(present: &Present, bands: &[String], offset_m: [f64; 3]) -> Self {
         let extra = ExtraBytes::new(present, bands);
         Self { extra, has_classes: present.has("class"), asprs: asprs_table(), offset_m }
+    }
+
+    /// Changes the numbers so that all kinds of ground are ground.
+    pub(crate) fn with_ground_as_2(self) -> Self {
+        Self { asprs: ground_as_2_table(), ..self }
     }
 
     /// Bytes of a record.

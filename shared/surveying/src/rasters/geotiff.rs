@@ -3,11 +3,12 @@
 //! The crate tiff writes strips, and needs an extra feature for compression; a directory is a page of code.
 
 use super::Tile;
-use super::cells::{Cells, NO_CLASS, NO_HEIGHT, TILE};
+use super::cells::{Cells, TILE};
+use super::content::Content;
 use super::directory::{Layout, Tags};
 use crate::error::DeliverError;
 use crate::target_frame::TargetFrame;
-use files::atomic_file::AtomicFile;
+use files::atomic_file::{AtomicFile, write_atomic};
 use flate2::Compression;
 use flate2::write::ZlibEncoder;
 use std::collections::BTreeMap;
@@ -19,17 +20,6 @@ use std::sync::{Mutex, PoisonError};
 
 /// Largest size of a file with offsets of 32 bits, bytes.
 const CLASSIC_BYTES: u64 = u32::MAX as u64;
-
-/// The quantity that an image shows.
-#[derive(Clone, Copy)]
-pub(super) enum Content<'a> {
-    Height,
-    Terrain,
-    Difference,
-    /// Classes with sRGB by class id.
-    Class(&'a [[u8; 3]; 256]),
-    Color,
-}
 
 /// Position and number of the tiles of an image.
 pub(super) struct Grid {
@@ -78,32 +68,6 @@ struct Stored {
     tiles: BTreeMap<(usize, Tile), StoredTile>,
 }
 
-impl Content<'_> {
-    /// Bytes of cells in the encoding of the file.
-    fn encode(self, cells: &Cells) -> Vec<u8> {
-        let floats = |values: &[f32]| values.iter().flat_map(|value| value.to_le_bytes()).collect();
-        match self {
-            Self::Height => floats(&cells.height),
-            Self::Terrain => floats(&cells.terrain),
-            Self::Difference => floats(&cells.difference),
-            Self::Class(_) => cells.class.clone(),
-            Self::Color => cells.color.concat(),
-        }
-    }
-    /// Bytes of a tile without points.
-    fn empty(self) -> Vec<u8> {
-        self.encode(&Cells::joined(&[]))
-    }
-    /// Bits of each sample.
-    fn bits(self) -> Vec<u16> {
-        match self {
-            Self::Height | Self::Terrain | Self::Difference => vec![32],
-            Self::Class(_) => vec![8],
-            Self::Color => vec![8; 4],
-        }
-    }
-}
-
 fn compressed(bytes: &[u8]) -> Vec<u8> {
     let mut encoder = ZlibEncoder::new(Vec::new(), Compression::default());
     // Writing to a vector cannot fail.
@@ -127,11 +91,14 @@ impl<'a> ImageTiles<'a> {
         self.file.write_all_at(&bytes, at).map_err(DeliverError::file(&self.folder, "write a temporary file"))
     }
 
-    /// Writes the image.
+    /// Writes the image, and the names of its values next to it.
     pub(super) fn write(&self, path: &Path, grid: &Grid, frame: &TargetFrame<'_>) -> Result<(), DeliverError> {
         let file = AtomicFile::create(path).map_err(DeliverError::file(path, "create"))?;
         let written = self.write_to(file.file(), grid, frame, CLASSIC_BYTES).and_then(|()| file.commit_unsynced());
-        written.map_err(DeliverError::file(path, "write"))
+        written.map_err(DeliverError::file(path, "write"))?;
+        let Some(text) = self.content.auxiliary() else { return Ok(()) };
+        let path = path.with_added_extension("aux.xml");
+        write_atomic(&path, text.as_bytes()).map_err(DeliverError::file(&path, "write"))
     }
 
     /// Writes the image, as `BigTIFF` if a classic file would have more than `classic_bytes`.
@@ -207,17 +174,16 @@ impl<'a> ImageTiles<'a> {
         tags.shorts(258, &bits);
         // Deflate.
         tags.shorts(259, &[8]);
-        tags.shorts(
-            262,
-            &[match self.content {
-                Content::Height | Content::Terrain | Content::Difference => 1,
-                Content::Color => 2,
-                Content::Class(_) => 3,
-            }],
-        );
+        let palette = self.content.palette();
+        let photometric = match (&palette, self.content.is_color()) {
+            (Some(_), _) => 3,
+            (None, true) => 2,
+            (None, false) => 1,
+        };
+        tags.shorts(262, &[photometric]);
         tags.shorts(277, &[n_samples]);
         tags.shorts(284, &[1]);
-        if let Content::Class(colors) = self.content {
+        if let Some(colors) = palette {
             let channel = |channel: usize| colors.iter().map(move |color| u16::from(color[channel]) * 257);
             tags.shorts(320, &(0..3).flat_map(channel).collect::<Vec<u16>>());
         }
@@ -227,7 +193,7 @@ impl<'a> ImageTiles<'a> {
         let sizes: Vec<u32> = places.iter().map(|place| place.n_bytes).collect();
         tags.places(324, &begins);
         tags.longs(325, &sizes);
-        if matches!(self.content, Content::Color) {
+        if self.content.is_color() {
             // The fourth sample is opacity.
             tags.shorts(338, &[2]);
         }
@@ -240,10 +206,11 @@ impl<'a> ImageTiles<'a> {
             tags.doubles(33_922, &[0.0, 0.0, 0.0, corner[0], corner[1], 0.0]);
             tags.shorts(34_735, &geo_keys(frame));
         }
-        match self.content {
-            Content::Height | Content::Terrain | Content::Difference => tags.text(42_113, &NO_HEIGHT.to_string()),
-            Content::Class(_) => tags.text(42_113, &NO_CLASS.to_string()),
-            Content::Color => (),
+        if level == 0 {
+            tags.text(42_112, &self.content.metadata());
+        }
+        if let Some(value) = self.content.no_data() {
+            tags.text(42_113, &value);
         }
         tags.bytes(at, is_last)
     }

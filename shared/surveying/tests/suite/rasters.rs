@@ -2,7 +2,9 @@
 
 use crate::support::{options, utm, write_run};
 use std::path::Path;
-use surveying::{RasterOptions, RunFolder, write_rasters};
+use surveying::{
+    CloudPoint, DeliverError, GroundSample, RasterOptions, RunFolder, StaticWorld, write_contours, write_rasters,
+};
 
 /// One level of an image.
 struct Level {
@@ -54,9 +56,9 @@ fn cells_have_the_heights_classes_and_colors_of_their_points() {
     write_run(&run, &[(points, true)]);
     let opened = RunFolder::open(&run).expect("opens");
     let frame = utm(opened.georeference.as_ref().expect("is placed"));
-    let rasters = RasterOptions { cell_mm: 200, class_colors: [[1, 2, 3]; 256] };
-    let names = write_rasters(std::slice::from_ref(&opened), &frame, &options(), rasters, &out).expect("writes");
-    assert_eq!(names, ["height.tif", "terrain.tif", "class.tif", "color.tif"]);
+    let rasters = RasterOptions { cell_mm: 200, class_colors: [[1, 2, 3]; 256], world: None, keeps_nodes: false };
+    let written = write_rasters(std::slice::from_ref(&opened), &frame, &options(), &rasters, &out).expect("writes");
+    assert_eq!(written.files, ["height.tif", "density.tif", "terrain.tif", "class.tif", "color.tif"]);
     // The wall and the ground are in the same cell.
     let [x, y, z] = frame.from_cloud([0.2, 0.0, 6.0]).expect("converts");
     let column = (x / 0.2).floor() as i64;
@@ -90,5 +92,83 @@ fn cells_have_the_heights_classes_and_colors_of_their_points() {
                 first.tiles.iter().flat_map(|tile| tile.as_chunks::<4>().0).map(|cell| f32::from_le_bytes(*cell));
             assert!(highest.fold(f32::MIN, f32::max) < z as f32 + 1.0);
         }
+    }
+}
+
+/// A world whose vehicles are removed, with level ground between 40 m and 44 m, which no point has.
+struct LevelGround;
+
+impl StaticWorld for LevelGround {
+    fn is_removed(&self, _run: usize, point: &CloudPoint) -> bool {
+        point.class == 10
+    }
+
+    fn each_ground(
+        &self,
+        spacing_m: f64,
+        take: &mut dyn FnMut(&[GroundSample]) -> Result<(), DeliverError>,
+    ) -> Result<(), DeliverError> {
+        let n = (4.0 / spacing_m) as u32;
+        let sample = |k: u32| GroundSample {
+            xyz: [40.0 + 4.0 * f64::from(k) / f64::from(n), 0.0, 1.0],
+            rgb: Some([70, 71, 72]),
+        };
+        take(&(0..=n).map(sample).collect::<Vec<_>>())
+    }
+}
+
+#[test]
+fn terrain_goes_on_below_a_vehicle_and_the_orthophoto_lacks_it() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let run = folder.path().join("run");
+    // A road along 100 m with a vehicle from 40 m to 44 m.
+    let is_hidden = |x: f64| (40.0..44.0).contains(&x);
+    let points = (0..1000)
+        .map(|i| f64::from(i) * 0.1)
+        .map(|x| if is_hidden(x) { ([x, 0.0, 2.5], 10) } else { ([x, 0.0, 1.0], 7) });
+    write_run(&run, &[(points.collect(), true)]);
+    let opened = RunFolder::open(&run).expect("opens");
+    let frame = utm(opened.georeference.as_ref().expect("is placed"));
+    let rasters =
+        RasterOptions { cell_mm: 200, class_colors: [[1, 2, 3]; 256], world: Some(&LevelGround), keeps_nodes: true };
+    let deliver = |n_threads: usize| {
+        let out = folder.path().join(n_threads.to_string());
+        std::fs::create_dir(&out).expect("made");
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(n_threads).build().expect("a pool");
+        let runs = std::slice::from_ref(&opened);
+        let written = pool.install(|| write_rasters(runs, &frame, &options(), &rasters, &out)).expect("writes");
+        write_contours(&written, 500, &frame, &out).expect("writes");
+        (out, written)
+    };
+    let (out, written) = deliver(1);
+    let counts = written.counts;
+    // 4 m are 20 cells, and every fifth point moves, so that some cells have no other point.
+    assert!((15..=30).contains(&counts.terrain_completed), "{counts:?}");
+    assert!(counts.terrain_measured > 300 && counts.orthophoto_completed >= counts.terrain_completed, "{counts:?}");
+    let cell = |name: &str, n_bytes: usize, x: f64| {
+        let [x, y, _] = frame.from_cloud([x, 0.0, 1.0]).expect("converts");
+        let [column, row] = [x, y].map(|value| (value / 0.2).floor() as i64);
+        let at = (255 - row.rem_euclid(256) as usize) * 256 + column.rem_euclid(256) as usize;
+        let (levels, _) = read(&out.join(name));
+        levels[0].tiles.iter().map(|tile| tile[at * n_bytes..][..n_bytes].to_vec()).collect::<Vec<_>>()
+    };
+    // The vehicle is in the color image and the highest point, and neither in the terrain nor in the orthophoto.
+    assert!(cell("terrain_source.tif", 1, 42.05).contains(&vec![2]));
+    assert!(cell("terrain_source.tif", 1, 20.05).contains(&vec![1]));
+    assert!(cell("orthophoto.tif", 4, 42.05).contains(&vec![70, 71, 72, 255]));
+    assert!(cell("class.tif", 1, 42.05).contains(&vec![10]));
+    let height = |bytes: &Vec<u8>| f32::from_le_bytes(bytes[..4].try_into().expect("4 bytes"));
+    let heights: Vec<f32> =
+        cell("terrain.tif", 4, 42.05).iter().map(height).filter(|height| *height > -9999.0).collect();
+    let [.., road] = frame.from_cloud([42.05, 0.0, 1.0]).expect("converts");
+    assert!(heights.len() == 1 && (f64::from(heights[0]) - road).abs() < 0.01, "{heights:?}, {road}");
+    let text = |name: &str| std::fs::read_to_string(out.join(name)).expect("is there");
+    assert!(text("terrain_source.tif.aux.xml").contains("<Category>completed</Category>"));
+    assert!(text("contours.geojson").contains("urn:ogc:def:crs:EPSG::32631"));
+    let (again, _) = deliver(3);
+    for entry in std::fs::read_dir(&out).expect("lists") {
+        let name = entry.expect("lists").file_name();
+        let [a, b] = [&out, &again].map(|folder| std::fs::read(folder.join(&name)).expect("is there"));
+        assert!(a == b, "{} depends on the number of threads", name.display());
     }
 }

@@ -100,7 +100,13 @@ pub fn time_s(seq: usize, i: usize) -> f64 {
 
 /// Options without bands.
 pub fn options() -> CloudOptions {
-    CloudOptions { has_bands: false, system: "system".to_owned(), software: "software".to_owned(), note: String::new() }
+    CloudOptions {
+        has_bands: false,
+        has_ground_as_2: false,
+        system: "system".to_owned(),
+        software: "software".to_owned(),
+        note: String::new(),
+    }
 }
 
 /// UTM at the origin of the run.

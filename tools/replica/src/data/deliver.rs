@@ -4,6 +4,7 @@ mod delivered;
 mod facts;
 mod finished;
 pub mod frame;
+mod from_above;
 mod source;
 
 pub use finished::open_finished_run;
@@ -18,7 +19,6 @@ use delivered::{Delivered, Folder, Others};
 use facts::Facts;
 use frame::{ChosenFrame, CrsChoice};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use pictures::class_color::class_color;
 use source::Source;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
@@ -26,8 +26,8 @@ use std::process::ExitCode;
 use surveying::check_points::{CheckPoint, load_check_points, write_check_points};
 use surveying::objects::write_objects;
 use surveying::{
-    CloudOptions, PointFile, RasterOptions, TargetFrame, Tiling, WrittenTiles, write_cloudcompare, write_copc,
-    write_rasters, write_semantic_kitti, write_tiles, write_trajectory,
+    CloudOptions, PointFile, TargetFrame, Tiling, WrittenTiles, write_cloudcompare, write_copc, write_semantic_kitti,
+    write_tiles, write_trajectory,
 };
 
 /// Largest side of a tile, m.
@@ -88,12 +88,21 @@ pub struct Args {
     /// Also write sequences/00: sweeps and labels as in the data set SemanticKITTI
     #[arg(long)]
     semantic_kitti: bool,
-    /// Also write terrain.tif, height.tif, color.tif and class.tif: views from above
+    /// Also write terrain.tif, orthophoto.tif and others: views from above, with the ground completed below vehicles
     #[arg(long)]
     rasters: bool,
     /// Side of the cells of the rasters, m
     #[arg(long, value_name = "M", default_value = "0.2", value_parser = cell_mm, requires = "rasters")]
     cell_m: u32,
+    /// Also write contours.geojson, breaklines.geojson and markings.geojson: lines of the terrain and of roads
+    #[arg(long, requires = "rasters")]
+    lines: bool,
+    /// Difference in height of neighboring contour lines, m
+    #[arg(long, value_name = "M", default_value = "0.5", value_parser = contour_mm, requires = "lines")]
+    contour_m: u32,
+    /// Write all kinds of ground, roads included, as class 2 (ground) of the ASPRS
+    #[arg(long)]
+    ground_as_2: bool,
     /// Compare the cloud with these points (CSV: name,x,y,z in the coordinates of the delivery)
     #[arg(long, value_name = "CSV")]
     check_points: Option<PathBuf>,
@@ -119,6 +128,13 @@ fn cell_mm(text: &str) -> Result<u32, InvalidValue> {
     mm.map(|mm| mm as u32).ok_or(InvalidValue("0.01 to 100, in whole mm"))
 }
 
+/// Heights of contour lines in whole mm.
+fn contour_mm(text: &str) -> Result<u32, InvalidValue> {
+    let mm = text.parse().ok().map(|metres: f64| (metres * 1000.0).round());
+    let mm = mm.filter(|mm| (50.0..=100_000.0).contains(mm));
+    mm.map(|mm| mm as u32).ok_or(InvalidValue("0.05 to 100, in whole mm"))
+}
+
 fn system(text: &str) -> Result<String, InvalidValue> {
     let fits = text.is_ascii() && text.len() <= MAX_SYSTEM;
     fits.then(|| text.to_owned()).ok_or(InvalidValue("up to 32 ASCII characters"))
@@ -138,6 +154,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     let options = CloudOptions {
         has_bands: args.bands,
+        has_ground_as_2: args.ground_as_2,
         system: args.system.clone(),
         software: SOFTWARE.to_owned(),
         note: frame.note(),
@@ -202,9 +219,7 @@ fn write_others(
         }
     }
     if args.rasters {
-        let class_colors = std::array::from_fn(|id| class_color(id as u8));
-        let rasters = RasterOptions { cell_mm: args.cell_m, class_colors };
-        others.rasters = write_rasters(&source.runs, target, options, rasters, out)?;
+        others.from_above = from_above::write(args, &source.runs, target, options, out)?;
     }
     if let Some(points) = check_points {
         others.set_check_points(write_check_points(&source.runs, target, points, out)?);

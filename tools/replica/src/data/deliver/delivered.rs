@@ -1,6 +1,7 @@
 //! The answer of `replica deliver`.
 
 use super::facts::Facts;
+use super::from_above::{FromAbove, LineFile};
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -27,8 +28,9 @@ pub struct Others {
     pub path: Vec<&'static str>,
     /// `None` if the clouds have no instances.
     pub n_objects: Option<usize>,
-    /// Raster files.
-    pub rasters: Vec<&'static str>,
+    /// Rasters and lines.
+    #[serde(flatten)]
+    pub from_above: FromAbove,
     /// Accuracy over the check points.
     pub accuracy: Option<Accuracy>,
     /// Accuracy over the control points of a survey.
@@ -65,7 +67,7 @@ impl Delivered<'_> {
             drives,
             path,
             n_objects,
-            rasters,
+            from_above,
             check_points,
             check_points_outside,
             cloudcompare,
@@ -90,8 +92,14 @@ impl Delivered<'_> {
             Some(n_objects) => writeln!(text, "objects: {n_objects}"),
             None => writeln!(text, "objects: none, the clouds have no instances"),
         };
-        if !rasters.is_empty() {
-            let _ = writeln!(text, "rasters: {}", rasters.join(", "));
+        if !from_above.rasters.is_empty() {
+            let _ = writeln!(text, "rasters: {}", from_above.rasters.join(", "));
+            if let Some(completed) = from_above.completed() {
+                let _ = writeln!(text, "completed, not measured: {completed}");
+            }
+            for LineFile { file, n } in &from_above.lines {
+                let _ = writeln!(text, "{file}: {n} lines");
+            }
         }
         if let Some(comparison) = check_points {
             text.push_str(&comparison.accuracy.text());

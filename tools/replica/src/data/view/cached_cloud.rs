@@ -58,8 +58,13 @@ impl CachedCloud {
 }
 
 fn write_cloud(run: &RunFolder, frame: &ChosenFrame<'_>, has_bands: bool, folder: &Path) -> anyhow::Result<()> {
-    let options =
-        CloudOptions { has_bands, system: SYSTEM.to_owned(), software: SOFTWARE.to_owned(), note: frame.note() };
+    let options = CloudOptions {
+        has_bands,
+        has_ground_as_2: false,
+        system: SYSTEM.to_owned(),
+        software: SOFTWARE.to_owned(),
+        note: frame.note(),
+    };
     let bar = progress_bar("view", run.index.n_points * PASSES);
     write_copc(std::slice::from_ref(run), &frame.target, &options, folder, COPC_FILE, |n| bar.inc(n))?;
     bar.finish_and_clear();

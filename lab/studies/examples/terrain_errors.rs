@@ -1,0 +1,272 @@
+//! Errors of the terrain of a delivery of a simulated drive, against the exact town.
+//!
+//! `terrain_errors RUN DRIVE`: the output folder of a run, and the simulated drive. The rasters are written as `replica deliver --crs local
+//! --rasters` does. The path of the run is aligned with the true path (heading and translation). From the heights of each square of 50 m, a
+//! plane through the errors of its measured cells is subtracted, because the path drifts and tilts by some centimeters.
+//!
+//! The outline is the terrain with its holes filled: cells with terrain within 8 m in each of four directions, where the town has ground.
+
+use anyhow::{Context, bail, ensure};
+use drive::Drive;
+use flate2::read::ZlibDecoder;
+use geometry::{Isometry3, Point3, Pose, Trajectory, UnitQuaternion, Vector3};
+use messages::GROUND_CLASSES;
+use raytrace::{Ray, Vec3};
+use scene::CompletedTerrain;
+use simulation::{DriveSettings, SimulatedDrive, Simulation};
+use std::collections::BTreeMap;
+use std::io::Read;
+use std::path::Path;
+use surveying::{CloudOptions, RasterOptions, RunFolder, TargetFrame, write_rasters};
+
+/// Side of the cells, m.
+const CELL_M: f64 = 0.2;
+/// Rays to the ground start this far above the terrain, below parked cars, m.
+const ABOVE_M: f64 = 0.15;
+/// The path of a run may be this far off in height, m.
+const REACH_M: f64 = 1.5;
+/// Side of the squares with one plane, m.
+const SQUARE_M: f64 = 50.0;
+/// Reach of the outline, cells: 8 m.
+const OUTLINE_CELLS: usize = 40;
+/// Values of `terrain_source.tif`.
+const MEASURED: f32 = 1.0;
+
+fn main() -> anyhow::Result<()> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let [run, drive] = &arguments[..] else { bail!("RUN DRIVE") };
+    let run = RunFolder::open(Path::new(run))?;
+    let mark = SimulatedDrive::read(Path::new(drive)).context("the drive is not simulated")?;
+    let settings = DriveSettings {
+        town: serde_json::from_value(mark.town.clone().into())?,
+        seed: mark.seed,
+        seconds: mark.seconds,
+        pass: mark.pass,
+        ..DriveSettings::default()
+    };
+    let simulation = Simulation::new(&settings.spec()?)?;
+    let drive = Drive::open(Path::new(drive))?;
+    let truth = drive.true_trajectory().context("has no truth")?.map_err(|problem| anyhow::anyhow!("{problem}"))?;
+    let town_from_run = aligned(&run.trajectory, &truth)?;
+    let out = tempfile::tempdir()?;
+    let runs = std::slice::from_ref(&run);
+    let terrain = CompletedTerrain::new(runs, out.path(), |_| ())?;
+    let rasters = RasterOptions {
+        cell_mm: (CELL_M * 1000.0) as u32,
+        class_colors: [[0; 3]; 256],
+        world: Some(&terrain),
+        keeps_nodes: false,
+    };
+    let options = CloudOptions {
+        has_bands: false,
+        has_ground_as_2: false,
+        system: String::new(),
+        software: String::new(),
+        note: String::new(),
+    };
+    write_rasters(runs, &TargetFrame::local(run.georeference.as_ref()), &options, &rasters, out.path())?;
+    let heights = Raster::read(&out.path().join("terrain.tif"))?;
+    let sources = Raster::read(&out.path().join("terrain_source.tif"))?;
+    let town = Town { simulation, town_from_run };
+    coverage(&heights, &sources, &town);
+    errors(&heights, &sources, &town);
+    Ok(())
+}
+
+/// The exact town.
+struct Town {
+    simulation: Simulation,
+    town_from_run: Pose,
+}
+
+impl Town {
+    /// Height above the true ground of a place of the run, m; NaN without ground within `reach_m` below `above_m` above it.
+    fn off_m(&self, [x, y, z]: [f64; 3], above_m: f64, reach_m: f64) -> f64 {
+        let from = self.town_from_run * Point3::new(x, y, z + above_m);
+        let scene = &self.simulation.scene;
+        let origin = Vec3::new(from.x as f32, from.y as f32, from.z as f32);
+        let ray = Ray { origin, direction: Vec3::new(0.0, 0.0, -1.0), seed: 0 };
+        let hit = scene.cast(&scene.some_at(&[], 0.0), &ray, reach_m as f32);
+        hit.filter(|hit| GROUND_CLASSES.contains(&hit.surface.class))
+            .map_or(f64::NAN, |hit| f64::from(hit.range_m) - above_m)
+    }
+}
+
+/// Heading and translation from the run to the truth.
+fn aligned(run: &Trajectory, truth: &Trajectory) -> anyhow::Result<Pose> {
+    let pairs: Vec<(Vector3<f64>, Vector3<f64>)> = run
+        .poses()
+        .iter()
+        .filter_map(|(stamp, pose)| Some((pose.translation.vector, truth.at(*stamp)?.translation.vector)))
+        .collect();
+    ensure!(pairs.len() > 1, "the run and the truth have no times in common");
+    let n = pairs.len() as f64;
+    let from = pairs.iter().map(|(a, _)| a).sum::<Vector3<f64>>() / n;
+    let to = pairs.iter().map(|(_, b)| b).sum::<Vector3<f64>>() / n;
+    let [mut cos, mut sin] = [0.0; 2];
+    for (a, b) in &pairs {
+        let [a, b] = [a - from, b - to];
+        cos += a.x * b.x + a.y * b.y;
+        sin += a.x * b.y - a.y * b.x;
+    }
+    let rotation = UnitQuaternion::from_euler_angles(0.0, 0.0, sin.atan2(cos));
+    Ok(Isometry3::from_parts((to - rotation * from).into(), rotation))
+}
+
+/// The first level of a raster with one band, rows from north to south.
+struct Raster {
+    values: Vec<f32>,
+    width: usize,
+    /// Upper left corner, m.
+    corner: [f64; 2],
+    no_data: f32,
+}
+
+impl Raster {
+    fn read(path: &Path) -> anyhow::Result<Self> {
+        let bytes = std::fs::read(path)?;
+        let number = |at: usize, n: usize| bytes[at..at + n].iter().rev().fold(0, |sum, b| sum << 8 | usize::from(*b));
+        let first = number(4, 4);
+        let entries: BTreeMap<usize, usize> =
+            (0..number(first, 2)).map(|k| first + 2 + 12 * k).map(|at| (number(at, 2), at)).collect();
+        // Start of the values of a tag whose values have this many bytes.
+        let start = |tag: usize, n_bytes: usize| {
+            let at = entries[&tag];
+            if number(at + 4, 4) * n_bytes <= 4 { at + 8 } else { number(at + 8, 4) }
+        };
+        let [width, height] = [256, 257].map(|tag| number(start(tag, 4), 4));
+        let side = number(start(322, 2), 2);
+        let n_bytes = number(start(258, 2), 2) / 8;
+        let tie = start(33_922, 8);
+        let double = |at: usize| f64::from_bits(number(at, 8) as u64);
+        let mut values = vec![f32::NAN; width * height];
+        for k in 0..(width / side) * (height / side) {
+            let [at, n] = [324, 325].map(|tag| number(start(tag, 4) + 4 * k, 4));
+            let mut tile = Vec::new();
+            ZlibDecoder::new(&bytes[at..at + n]).read_to_end(&mut tile)?;
+            for (idx, cell) in tile.chunks_exact(n_bytes).enumerate() {
+                let row = k / (width / side) * side + idx / side;
+                let column = k % (width / side) * side + idx % side;
+                values[row * width + column] = match *cell {
+                    [value] => f32::from(value),
+                    [a, b, c, d] => f32::from_le_bytes([a, b, c, d]),
+                    _ => bail!("{}: {n_bytes} bytes a cell", path.display()),
+                };
+            }
+        }
+        let no_data = if n_bytes == 1 { 255.0 } else { -9999.0 };
+        Ok(Self { values, width, corner: [double(tie + 24), double(tie + 32)], no_data })
+    }
+
+    /// Middle of a cell, m.
+    fn place(&self, idx: usize) -> [f64; 2] {
+        let [column, row] = [idx % self.width, idx / self.width].map(|number| (number as f64 + 0.5) * CELL_M);
+        [self.corner[0] + column, self.corner[1] - row]
+    }
+
+    fn get(&self, idx: usize) -> Option<f32> {
+        self.values.get(idx).copied().filter(|value| *value != self.no_data)
+    }
+}
+
+/// Cells of the outline: with terrain, or with terrain within reach to all four sides. The height is the mean of the nearest of both.
+fn outline(heights: &Raster) -> Vec<Option<f64>> {
+    let n_rows = heights.values.len() / heights.width;
+    let cell = |idx: usize| {
+        if let Some(height) = heights.get(idx) {
+            return Some(f64::from(height));
+        }
+        let [column, row] = [(idx % heights.width) as i64, (idx / heights.width) as i64];
+        let found = [[1, 0], [-1, 0], [0, 1], [0, -1]].map(|[x, y]| {
+            (1..=OUTLINE_CELLS as i64).find_map(|k| {
+                let [x, y] = [column + k * x, row + k * y];
+                let is_inside = (0..heights.width as i64).contains(&x) && (0..n_rows as i64).contains(&y);
+                heights.get(is_inside.then(|| y as usize * heights.width + x as usize)?).map(f64::from)
+            })
+        });
+        let all: Option<Vec<f64>> = found.into_iter().collect();
+        all.map(|all| all.iter().sum::<f64>() / 4.0)
+    };
+    (0..heights.values.len()).map(cell).collect()
+}
+
+fn coverage(heights: &Raster, sources: &Raster, town: &Town) {
+    let mut n = [0_usize; 3];
+    for (idx, height) in outline(heights).into_iter().enumerate() {
+        let Some(height) = height else { continue };
+        let [x, y] = heights.place(idx);
+        let is_ground = !town.off_m([x, y, height], REACH_M, 2.0 * REACH_M).is_nan();
+        let is_known = heights.get(idx).is_some();
+        if is_ground || is_known {
+            n[0] += 1;
+            n[1] += usize::from(is_known);
+            n[2] += usize::from(sources.get(idx) == Some(MEASURED));
+        }
+    }
+    let share = |k: usize| 100.0 * n[k] as f64 / n[0] as f64;
+    println!(
+        "outline: {:.0} m2; measured {:.1} %, with completed cells {:.1} %",
+        n[0] as f64 * CELL_M * CELL_M,
+        share(2),
+        share(1)
+    );
+}
+
+/// A cell of the terrain: its middle, and its height above the true ground after corrections, m; NaN without ground.
+struct Cell {
+    place: [f64; 3],
+    off_m: f64,
+    is_measured: bool,
+}
+
+fn errors(heights: &Raster, sources: &Raster, town: &Town) {
+    let mut squares: BTreeMap<[i64; 2], Vec<Cell>> = BTreeMap::new();
+    for idx in 0..heights.values.len() {
+        let Some(height) = heights.get(idx) else { continue };
+        let [x, y] = heights.place(idx);
+        let is_measured = sources.get(idx) == Some(MEASURED);
+        let cell = Cell { place: [x, y, f64::from(height)], off_m: f64::NAN, is_measured };
+        squares.entry([x, y].map(|value| (value / SQUARE_M).floor() as i64)).or_default().push(cell);
+    }
+    for cells in squares.values_mut() {
+        let off_m = |cell: &Cell| town.off_m(cell.place, REACH_M, 2.0 * REACH_M);
+        let mut offs: Vec<f64> = cells.iter().step_by(20).map(off_m).filter(|off| off.is_finite()).collect();
+        offs.sort_by(f64::total_cmp);
+        let raised_m = offs.get(offs.len() / 2).copied().unwrap_or_default();
+        for cell in cells {
+            let [x, y, z] = cell.place;
+            cell.off_m = town.off_m([x, y, z - raised_m], ABOVE_M, 2.0 * ABOVE_M + 0.3);
+        }
+    }
+    for cells in squares.values_mut() {
+        let plane = plane(cells.iter().filter(|cell| cell.is_measured && cell.off_m.abs() < 0.5));
+        for cell in cells {
+            cell.off_m -= plane.dot(&Vector3::new(1.0, cell.place[0], cell.place[1]));
+        }
+    }
+    for (name, is_measured) in [("measured", true), ("completed", false)] {
+        let cells = || squares.values().flatten().filter(|cell| cell.is_measured == is_measured);
+        let n = cells().count();
+        let found: Vec<f64> = cells().map(|cell| cell.off_m.abs()).filter(|off| off.is_finite()).collect();
+        let share = |limit_m: f64| 100.0 * found.iter().filter(|off| **off < limit_m).count() as f64 / n as f64;
+        let rms_m = (found.iter().map(|off| off * off).sum::<f64>() / found.len() as f64).sqrt();
+        println!(
+            "{name}: {n} cells, RMS {rms_m:.3} m, {:.1} % within 5 cm, {:.1} % within 10 cm; {:.2} % without ground below",
+            share(0.05),
+            share(0.1),
+            100.0 * (n - found.len()) as f64 / n as f64
+        );
+    }
+}
+
+/// Height and slopes of the plane through heights above the true ground.
+fn plane<'a>(cells: impl Iterator<Item = &'a Cell>) -> Vector3<f64> {
+    let mut normal = nalgebra::Matrix3::<f64>::zeros();
+    let mut right = Vector3::zeros();
+    for cell in cells {
+        let row = Vector3::new(1.0, cell.place[0], cell.place[1]);
+        normal += row * row.transpose();
+        right += row * cell.off_m;
+    }
+    normal.lu().solve(&right).unwrap_or_default()
+}
