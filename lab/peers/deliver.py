@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Reads the files of `replica deliver` with third-party programs, and compares them with the clouds of the run by value.
 
-  python3 -m venv venv && venv/bin/pip install 'laspy[lazrs]' numpy pyproj plyfile geopandas pyogrio evo==1.38.1 rasterio rio-cogeo open3d
+  python3 -m venv venv && venv/bin/pip install 'laspy[lazrs]' numpy pyproj plyfile geopandas pyogrio evo==1.38.1 rasterio rio-cogeo open3d 'pystac[validation]'
   replica deliver RUN --out OUT --copc --rasters --lines --cloudcompare --semantic-kitti --bands
   venv/bin/python lab/peers/deliver.py RUN OUT
 
@@ -18,6 +18,7 @@ import numpy as np
 import open3d
 import plyfile
 import pyproj
+import pystac
 import rasterio
 import rio_cogeo
 from evo.tools import file_interface
@@ -254,6 +255,16 @@ def lines(out, facts, tiles):
             f"{len(found)} lines, {found.length.sum():.0f} m, median {np.median(off):.3f} m from the terrain")
 
 
+def catalog(out, facts):
+    item = pystac.Item.from_file(out / "stac_item.json")
+    hrefs = [asset.href.removeprefix("./") for asset in item.assets.values()]
+    crs = item.properties["proj:code"]
+    # The schema of the extension is only on the network.
+    item.stac_extensions = []
+    row("pystac", "catalog item", bool(item.validate()) and crs == f"EPSG:{facts['epsg']}" and all((out / href).exists() for href in hrefs),
+        f"{len(hrefs)} files")
+
+
 def smallest_ply(run, out):
     """The smallest cloud for CloudCompare, and the points of the run in it."""
     paths = sorted((out / "cloudcompare").glob("*.ply"))
@@ -342,6 +353,7 @@ def main():
     objects(args.out, facts)
     rasters(run, args.out, facts, tiles)
     lines(args.out, facts, tiles)
+    catalog(args.out, facts)
     cloudcompare(run, args.out, facts)
     open3d_reader(run, args.out, facts)
     cloudcompare_program(run, args.out, facts)

@@ -18,6 +18,7 @@
 //! | the ground and what stays, as a caller has determined it | [`StaticWorld`] |
 //! | residuals at points that were measured independently | [`check_points`] |
 //! | accuracy at such points and between drives | [`accuracy`] |
+//! | the delivery as an item of a catalog | `stac` |
 //! | clouds for CloudCompare, sweeps for training | `cloudcompare`, `semantic_kitti` |
 //!
 //! This crate must never change the run that it reads, estimate or filter anything except contour lines, or shift between datums of
@@ -50,6 +51,7 @@ mod rasters;
 mod run_folder;
 mod semantic_kitti;
 mod spool;
+mod stac;
 mod static_world;
 mod target_frame;
 mod tiles;
@@ -71,6 +73,7 @@ pub use run_folder::{
 };
 pub use semantic_kitti::write_semantic_kitti;
 pub use spool::{KeyedRecords, Spool};
+pub use stac::{STAC_ITEM, write_stac_item};
 pub use static_world::{GroundSample, StaticWorld};
 pub use target_frame::{MapChoice, TargetFrame};
 pub use tiles::{PointFile, TILE_INDEX, Tiling, WrittenTiles, write_tiles};

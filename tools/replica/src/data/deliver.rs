@@ -27,7 +27,7 @@ use surveying::check_points::{CheckPoint, load_check_points, write_check_points}
 use surveying::objects::write_objects;
 use surveying::{
     CloudOptions, PointFile, TargetFrame, Tiling, WrittenTiles, write_cloudcompare, write_copc, write_semantic_kitti,
-    write_tiles, write_trajectory,
+    write_stac_item, write_tiles, write_trajectory,
 };
 
 /// Largest side of a tile, m.
@@ -174,6 +174,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let unusable = others.check_points.as_ref().and_then(|found| found.unusable(bounds(&files)));
     let facts = Facts::new(&source.runs, &frame, n_points, &files, left_out);
     facts.write(out)?;
+    write_stac_item(&source.runs, target, SOFTWARE, out)?;
     folder.finish()?;
     let delivered = Delivered { out: &args.out, facts, others };
     args.answer.print(&delivered, || delivered.text(n_tiles))?;
