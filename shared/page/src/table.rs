@@ -39,6 +39,22 @@ impl Table {
         self.rows.is_empty()
     }
 
+    /// The table without the columns of numbers in which every number is 0 or absent (`-`).
+    #[must_use]
+    pub fn without_zero_columns(self) -> Self {
+        let Self { headings, n_text, rows } = self;
+        let is_zero = |cell: &String| cell == "-" || cell.parse() == Ok(0.0);
+        let is_kept = |column: &usize| {
+            let mut cells = rows.iter().filter_map(|(_, cells)| cells.get(*column));
+            *column < n_text || rows.is_empty() || !cells.all(is_zero)
+        };
+        let kept: Vec<usize> = (0..headings.len()).filter(is_kept).collect();
+        let chosen = |cells: &[String]| kept.iter().filter_map(|column| cells.get(*column).cloned()).collect();
+        let headings = chosen(&headings);
+        let rows = rows.iter().map(|(level, cells)| (*level, chosen(cells))).collect();
+        Self { headings, n_text, rows }
+    }
+
     // Writing to a string cannot fail.
     pub(crate) fn html(&self) -> String {
         let mut html = "<div class=\"table\"><table>\n<thead><tr>".to_owned();
@@ -59,5 +75,21 @@ impl Table {
 
     fn class(&self, column: usize) -> &'static str {
         if column < self.n_text { "" } else { " class=\"n\"" }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn columns_of_zeros_are_left_out_and_texts_stay() {
+        let mut table = Table::new(&["sensor", "jitter, ms", "gaps", "longest, s"], 1);
+        table.row(["0", "0.00", "0", "-"]);
+        table.row(["0", "0.00", "3", "-"]);
+        let html = table.without_zero_columns().html();
+        assert!(html.contains("sensor") && html.contains("gaps"), "{html}");
+        assert!(!html.contains("jitter") && !html.contains("longest"), "{html}");
+        assert_eq!(html.matches("<td").count(), 4);
     }
 }

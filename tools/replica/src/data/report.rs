@@ -6,7 +6,7 @@
 //! | how accurate positions are; whether the result can be relied on | `accuracy`; `verdict` |
 //! | the drive, clouds and pictures, read in addition | `material`: `cloud_survey`, `moment`, `overlays`, `range_picture`, `bands` |
 //! | path and fixes; losses and deviations; time and memory | `place`, `uncertain`, `costs` |
-//! | `report.json`; `report.html` | `facts`; `sections`, `view_drawing` |
+//! | `report.json`; `report.html` | `facts`; `sections`, `overview`, `view_drawing` |
 //! | several runs in one table | `comparison` |
 
 mod accuracy;
@@ -19,6 +19,7 @@ pub mod finished_run;
 mod material;
 mod moment;
 pub mod overlays;
+mod overview;
 mod place;
 mod range_picture;
 mod sections;

@@ -92,6 +92,19 @@ impl Accuracy {
         Self { absolute, relative }
     }
 
+    /// The accuracy in a sentence.
+    pub fn in_words(&self) -> String {
+        match &self.absolute {
+            None => format!("positions on the earth are unknown; fit for {LOCAL_USE}"),
+            Some(Absolute { ce95_m, le95_m, r#use, .. }) => format!(
+                "positions are within {} horizontally and {} in height (95 %, as the run states it); fit for {usage}",
+                length(*ce95_m),
+                length(*le95_m),
+                usage = r#use
+            ),
+        }
+    }
+
     /// The lines of the page: absolute, then relative accuracy.
     pub fn lines(&self) -> [AccuracyLine; 2] {
         let absolute = self.absolute.as_ref().map_or_else(
@@ -112,6 +125,11 @@ impl Accuracy {
         );
         [absolute, relative]
     }
+}
+
+/// A length as people say it: cm below 1 m.
+fn length(metres: f64) -> String {
+    if metres < 1.0 { format!("{:.0} cm", (100.0 * metres).max(1.0)) } else { format!("{metres:.1} m") }
 }
 
 impl Absolute {

@@ -4,7 +4,7 @@ use super::facts::Facts;
 use super::finished_run::FinishedRun;
 use super::material::Material;
 use super::uncertain::CameraShare;
-use super::{costs, overlays, range_picture, uncertain, view_drawing};
+use super::{costs, overlays, overview, range_picture, uncertain, view_drawing};
 use crate::data::inspect::drive::page::add_sensors;
 use crate::data::inspect::drive::pictures::png;
 use chart::{BarRow, bars};
@@ -22,10 +22,12 @@ const OF_DRIVE: [&str; 4] = ["Clocks", "GNSS", "IMU", "LiDAR"];
 /// The whole page.
 pub fn page(run: &FinishedRun, facts: &Facts, material: &Material) -> String {
     let mut page = Page::new(&format!("Run {}", run.folder.display()));
+    overview::add(&mut page, run, facts, material);
     accuracy(&mut page, facts);
     verdict(&mut page, facts);
+    page.contents();
     input(&mut page, facts, material);
-    map(&mut page, facts, material);
+    path(&mut page, facts, material);
     views(&mut page, run, facts, material);
     cameras(&mut page, material);
     reflectances(&mut page, facts, material);
@@ -71,14 +73,12 @@ fn input(page: &mut Page, facts: &Facts, material: &Material) {
     }
 }
 
-fn map(page: &mut Page, facts: &Facts, material: &Material) {
+fn path(page: &mut Page, facts: &Facts, material: &Material) {
     page.section("Path");
     let Some(place) = &facts.path else {
         page.paragraph("There is no trajectory.");
         return;
     };
-    let of_fixes = if place.fixes.is_some() { ", and lines from the fixes to the antenna on the path" } else { "" };
-    page.drawing(&place.map(), &format!("Path of the vehicle{of_fixes}."));
     let mut lines = vec![format!("{:.1} m in {:.1} s", place.length_m, place.seconds)];
     if let Some(georeference) = &facts.georeference {
         lines.push(format!("frame: {}", georeference.frame));
@@ -126,10 +126,14 @@ fn views(page: &mut Page, run: &FinishedRun, facts: &Facts, material: &Material)
             continue;
         };
         let Some(picture) = png(String::new(), view) else { continue };
+        // The first view with a picture stands at the start of the page.
+        if overview::view(survey).is_some_and(|shown| shown.index == index) {
+            continue;
+        }
         page.subsection(title);
         page.drawing(&view_drawing::drawing(view, &picture.data_uri(), survey.scale, run.has_north()), "");
         match index {
-            0 => page.remark("Gray by intensity where no camera saw the point."),
+            0 => page.remark(overview::GRAY),
             1 => page.legend(class_legend(facts)),
             _ => page.remark("Each instance has a color; points without one are gray."),
         }
@@ -300,7 +304,7 @@ fn timings(page: &mut Page, run: &FinishedRun, facts: &Facts) {
         let longest = format!("{:.1}", stage.longest_step_ms);
         table.row([stage.name.clone(), cpu, working, longest, memory, stage.faults.to_string()]);
     }
-    page.table(&table);
+    page.table(&table.without_zero_columns());
     // Live runs keep no history.
     if let Ok(Some(history)) = CostHistory::read(&run.folder) {
         page.drawing(&history.svg(), "");

@@ -46,7 +46,7 @@ pub fn add_sensors(page: &mut Page, streams: &[Stream], origin: Stamp) {
     for stream in streams {
         table.row(row(stream));
     }
-    page.table(&table);
+    page.table(&table.without_zero_columns());
     let gaps: String = streams.iter().map(|stream| gap_lines(stream, origin)).collect();
     page.list(gaps.lines());
     page.drawing(&timeline(streams, origin), "Time of the sensors, gaps in orange.");
