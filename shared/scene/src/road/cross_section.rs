@@ -261,7 +261,8 @@ fn smooth_edges(sections: &mut [CrossSection]) {
                 edges[around.clone()].iter().flatten().map(|sides| sides[number]).collect();
             near.sort_by(|a, b| a.edge_m.total_cmp(&b.edge_m));
             if near.len() == 3 {
-                *side = near[1];
+                // The height is the one here: streets climb.
+                *side = SideSection { height_m: side.height_m.or(near[1].height_m), ..near[1] };
             }
         }
     }
