@@ -229,19 +229,22 @@ fn errors(heights: &Raster, sources: &Raster, town: &Town) {
         squares.entry([x, y].map(|value| (value / SQUARE_M).floor() as i64)).or_default().push(cell);
     }
     for cells in squares.values_mut() {
-        let off_m = |cell: &Cell| town.off_m(cell.place, REACH_M, 2.0 * REACH_M);
-        let mut offs: Vec<f64> = cells.iter().step_by(20).map(off_m).filter(|off| off.is_finite()).collect();
-        offs.sort_by(f64::total_cmp);
-        let raised_m = offs.get(offs.len() / 2).copied().unwrap_or_default();
-        for cell in cells {
-            let [x, y, z] = cell.place;
-            cell.off_m = town.off_m([x, y, z - raised_m], ABOVE_M, 2.0 * ABOVE_M + 0.3);
+        // A first plane from rays that start above vehicles, which are not ground.
+        for cell in cells.iter_mut() {
+            cell.off_m = town.off_m(cell.place, REACH_M, 2.0 * REACH_M);
         }
-    }
-    for cells in squares.values_mut() {
-        let plane = plane(cells.iter().filter(|cell| cell.is_measured && cell.off_m.abs() < 0.5));
+        let mut offs: Vec<f64> = cells.iter().map(|cell| cell.off_m).filter(|off| off.is_finite()).collect();
+        offs.sort_by(f64::total_cmp);
+        let middle_m = offs.get(offs.len() / 2).copied().unwrap_or_default();
+        let near = cells.iter().filter(|cell| cell.is_measured && (cell.off_m - middle_m).abs() < 0.5);
+        let first = plane(near);
+        for cell in cells.iter_mut() {
+            let [x, y, z] = cell.place;
+            cell.off_m = town.off_m([x, y, z - first.dot(&Vector3::new(1.0, x, y))], ABOVE_M, 2.0 * ABOVE_M + 0.3);
+        }
+        let second = plane(cells.iter().filter(|cell| cell.is_measured && cell.off_m.abs() < 0.5));
         for cell in cells {
-            cell.off_m -= plane.dot(&Vector3::new(1.0, cell.place[0], cell.place[1]));
+            cell.off_m -= second.dot(&Vector3::new(1.0, cell.place[0], cell.place[1]));
         }
     }
     for (name, is_measured) in [("measured", true), ("completed", false)] {
