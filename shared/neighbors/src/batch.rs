@@ -85,19 +85,19 @@ impl Rows {
 impl SpatialIndex {
     /// The k nearest points of each query, nearest first.
     pub fn nearest_of_each(&self, queries: &[[f32; 3]], k: usize) -> Neighborhoods<Neighbor> {
-        self.nearest_of_rows(&self.rows(queries), k)
+        lists_of_rows(&self.rows(queries), || NearestSearch::new(self, k))
     }
     /// The k nearest points of each point of the cloud: the point itself, or a copy of it, is first.
     pub fn nearest_of_own(&self, k: usize) -> Neighborhoods<Neighbor> {
-        self.nearest_of_rows(&self.own_rows(), k)
+        lists_of_rows(&self.own_rows(), || NearestSearch::new(self, k))
     }
     /// Numbers of the points within a radius of each query, in Morton order.
     pub fn within_of_each(&self, queries: &[[f32; 3]], radius_m: f32) -> Neighborhoods<u32> {
-        self.within_of_rows(&self.rows(queries), radius_m)
+        lists_of_rows(&self.rows(queries), || WithinSearch::new(self, radius_m))
     }
     /// Numbers of the points within a radius of each point of the cloud, including the point itself, in Morton order.
     pub fn within_of_own(&self, radius_m: f32) -> Neighborhoods<u32> {
-        self.within_of_rows(&self.own_rows(), radius_m)
+        lists_of_rows(&self.own_rows(), || WithinSearch::new(self, radius_m))
     }
     /// Maps each query: `map` receives the number of the query and the numbers of the points within a radius, in Morton
     /// order. No lists are kept, so the memory does not depend on the number of neighbors. `map` runs on all threads of
@@ -114,11 +114,11 @@ impl SpatialIndex {
         radius_m: f32,
         map: impl Fn(usize, &[u32]) -> R + Sync,
     ) -> Vec<R> {
-        self.map_rows(&self.rows(queries), || WithinSearch::new(self, radius_m), map)
+        map_rows(&self.rows(queries), || WithinSearch::new(self, radius_m), map)
     }
     /// [`Self::map_within_of_each`] for each point of the cloud, which is within the radius itself.
     pub fn map_within_of_own<R: Send>(&self, radius_m: f32, map: impl Fn(usize, &[u32]) -> R + Sync) -> Vec<R> {
-        self.map_rows(&self.own_rows(), || WithinSearch::new(self, radius_m), map)
+        map_rows(&self.own_rows(), || WithinSearch::new(self, radius_m), map)
     }
     /// Maps each query: `map` receives the number of the query and its k nearest neighbors, nearest first. Order and memory are
     /// those of [`Self::map_within_of_each`]. An invalid query has no neighbors.
@@ -134,7 +134,7 @@ impl SpatialIndex {
         k: usize,
         map: impl Fn(usize, &[Neighbor]) -> R + Sync,
     ) -> Vec<R> {
-        self.map_rows(&self.rows(queries), || NearestSearch::new(self, k), map)
+        map_rows(&self.rows(queries), || NearestSearch::new(self, k), map)
     }
 
     fn rows(&self, queries: &[[f32; 3]]) -> Rows {
@@ -151,43 +151,6 @@ impl SpatialIndex {
     }
     fn own_rows(&self) -> Rows {
         Rows { positions: self.positions().collect(), query_of: self.order().to_vec(), n_queries: self.n_cloud() }
-    }
-    fn nearest_of_rows(&self, rows: &Rows, k: usize) -> Neighborhoods<Neighbor> {
-        lists_of_rows(rows, || NearestSearch::new(self, k))
-    }
-    fn within_of_rows(&self, rows: &Rows, radius_m: f32) -> Neighborhoods<u32> {
-        lists_of_rows(rows, || WithinSearch::new(self, radius_m))
-    }
-    fn map_rows<S: Search, R: Send>(
-        &self,
-        rows: &Rows,
-        new_search: impl Fn() -> S + Sync,
-        map: impl Fn(usize, &[S::Found]) -> R + Sync,
-    ) -> Vec<R> {
-        let results_of = |(queries, numbers): (&[[f32; 3]], &[u32])| {
-            let mut search = new_search();
-            let mut found = Vec::new();
-            let mut results = Vec::with_capacity(queries.len());
-            wide_loops::run(
-                #[inline(always)]
-                || {
-                    for (query, number) in queries.iter().zip(numbers) {
-                        found.clear();
-                        search.append(*query, &mut found);
-                        results.push(map(*number as usize, &found));
-                    }
-                },
-            );
-            results
-        };
-        let chunks = rows.positions.par_chunks(CHUNK).zip(rows.query_of.par_chunks(CHUNK));
-        let in_rows: Vec<Vec<R>> = chunks.map(results_of).collect();
-        let mut in_order: Vec<Option<R>> = (0..rows.n_queries).map(|_| None).collect();
-        for (query, result) in rows.query_of.iter().zip(in_rows.into_iter().flatten()) {
-            in_order[*query as usize] = Some(result);
-        }
-        let results = in_order.into_iter().enumerate();
-        results.map(|(query, result)| result.unwrap_or_else(|| map(query, &[]))).collect()
     }
 }
 
@@ -208,4 +171,35 @@ fn lists_of_rows<S: Search>(rows: &Rows, new_search: impl Fn() -> S + Sync) -> N
         Chunk { ends, items }
     };
     Neighborhoods { chunks: rows.positions.par_chunks(CHUNK).map(lists_of).collect(), row_of: rows.row_of() }
+}
+
+fn map_rows<S: Search, R: Send>(
+    rows: &Rows,
+    new_search: impl Fn() -> S + Sync,
+    map: impl Fn(usize, &[S::Found]) -> R + Sync,
+) -> Vec<R> {
+    let results_of = |(queries, numbers): (&[[f32; 3]], &[u32])| {
+        let mut search = new_search();
+        let mut found = Vec::new();
+        let mut results = Vec::with_capacity(queries.len());
+        wide_loops::run(
+            #[inline(always)]
+            || {
+                for (query, number) in queries.iter().zip(numbers) {
+                    found.clear();
+                    search.append(*query, &mut found);
+                    results.push(map(*number as usize, &found));
+                }
+            },
+        );
+        results
+    };
+    let chunks = rows.positions.par_chunks(CHUNK).zip(rows.query_of.par_chunks(CHUNK));
+    let in_rows: Vec<Vec<R>> = chunks.map(results_of).collect();
+    let mut in_order: Vec<Option<R>> = (0..rows.n_queries).map(|_| None).collect();
+    for (query, result) in rows.query_of.iter().zip(in_rows.into_iter().flatten()) {
+        in_order[*query as usize] = Some(result);
+    }
+    let results = in_order.into_iter().enumerate();
+    results.map(|(query, result)| result.unwrap_or_else(|| map(query, &[]))).collect()
 }

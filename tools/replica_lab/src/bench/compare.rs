@@ -260,8 +260,8 @@ fn rows(a: &Series, b: &Series, limit_percent: f64) -> Vec<Row> {
 /// A change counts if it is larger than the limit and the smallest change of the figure, if the intervals of the medians do not overlap,
 /// and if it is larger than the wider interval.
 ///
-/// The last rule is for few runs: of three runs of a figure that varies by 10 %, one row in 25 changes by more than 5 % with intervals that do not
-/// overlap, and one in 50 by this rule. With five runs it is one in 1000. Drawn from normal distributions.
+/// The last rule is for few runs, whose intervals are short by chance. For normal noise of 10 % and a limit of 5 %, one row in 50 is a false alarm
+/// with three runs, and one in 1000 with five.
 fn verdict(a: &Interval, b: &Interval, figure: &Figure, limit_percent: f64) -> Verdict {
     let change = b.median - a.median;
     if change.abs() <= figure.floor || change.abs() <= a.median.abs() * limit_percent / 100.0 {
