@@ -120,8 +120,8 @@ impl SpatialIndex {
     pub fn map_within_of_own<R: Send>(&self, radius_m: f32, map: impl Fn(usize, &[u32]) -> R + Sync) -> Vec<R> {
         map_rows(&self.own_rows(), || WithinSearch::new(self, radius_m), map)
     }
-    /// Maps each query: `map` receives the number of the query and its k nearest neighbors, nearest first. Order and memory are
-    /// those of [`Self::map_within_of_each`]. An invalid query has no neighbors.
+    /// Maps each query: `map` receives the number of the query and its k nearest neighbors, nearest first. The order of calls is the
+    /// same as in [`Self::map_within_of_each`], and no lists are kept. An invalid query has no neighbors.
     ///
     /// ```
     /// let points = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [5.0, 0.0, 0.0]];

@@ -47,7 +47,7 @@ fn squared_radius(query: [f32; 3], radius_m: f32) -> Option<f32> {
 /// Marks an entry of the stack whose points are all within the radius: indices of the order instead of a child.
 const ALL: u64 = 1 << 63;
 
-/// Searches within a radius. A found number is that of a point; they are in Morton order.
+/// Searches within a radius. It finds the numbers of points, in Morton order.
 pub(crate) struct WithinSearch<'a> {
     index: &'a SpatialIndex,
     radius_m: f32,

@@ -22,7 +22,7 @@ fn true_path_is_accepted_and_equals_the_truth() {
     }
 }
 
-/// In 11 s with a bend to the left, the mean force of the unit is 7 degrees off the vertical.
+/// A drive of 11 s with a bend to the left: the mean force of the unit is 7 degrees off the vertical.
 #[test]
 fn true_path_of_a_short_drive_in_a_bend_is_accepted() {
     for g in [1.0, 1.0 / 9.81] {
