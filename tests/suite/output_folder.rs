@@ -63,9 +63,13 @@ fn copied_output_of_a_live_run_has_no_part_in_it() {
     let launch = Launch::misbehaving("", SOURCE, &gate(19));
     let running = launch.start();
     launch.wait_for_barrier(2);
-    let copied = Command::new("cp").arg("-a").arg(launch.output()).arg(launch.folder().join("copy")).status();
-    assert!(copied.expect("cp").success());
     let copy = launch.folder().join("copy");
+    // Stages that are still saving rename files while they are copied; the gate ends that.
+    wait_for("a copy of all files", || {
+        let _absent_at_first = std::fs::remove_dir_all(&copy);
+        let copied = Command::new("cp").arg("-a").arg(launch.output()).arg(&copy).status();
+        copied.expect("cp").success().then_some(())
+    });
     let stop = Command::new(binary("replica")).args(["stop", "--run"]).arg(&copy).output().expect("replica");
     let text = output_text(&stop);
     assert!(!stop.status.success() && text.contains("copy is not alive"), "{text}");

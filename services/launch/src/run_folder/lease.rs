@@ -11,8 +11,8 @@
 //! 4. A file of the same boot of the same kernel needs no wait: the lock has shown that its processes have ended. A released file
 //!    needs none either.
 //!
-//! Only durations of one clock are compared, so clocks of hosts may differ. Each look first creates and removes a file: this makes
-//! clients of network file systems read the folder anew.
+//! Only durations of one clock are compared, so clocks of hosts may differ. Each look first changes the time of the folder: this
+//! makes clients of network file systems read the folder anew.
 
 mod renewal;
 
@@ -23,7 +23,7 @@ use std::fs::{File, OpenOptions};
 use std::io::{Error, ErrorKind, Write};
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 
 /// Interval between two renewals: a file of 200 bytes for each run, which no file server notices.
 pub const RENEW_EVERY: Duration = Duration::from_secs(5);
@@ -136,7 +136,7 @@ impl Candidate {
     /// Looks at the lease and takes it if it may. `now`: a clock that never goes back and counts suspended time.
     pub fn poll(&mut self, now: Duration) -> Result<Wait, Error> {
         if let Some(created) = self.created {
-            if highest_epoch(&self.folder, &self.own)? != Some(created.epoch) {
+            if highest_epoch(&self.folder)? != Some(created.epoch) {
                 // Another candidate has waited longer, or somebody has removed the files.
                 self.created = None;
                 return Ok(Wait::Waiting);
@@ -163,7 +163,7 @@ impl Candidate {
 
     /// Looks at the lease and changes no file. `now` as in [`Candidate::poll`].
     pub fn look(&mut self, now: Duration) -> Result<Look, Error> {
-        let Some(epoch) = highest_epoch(&self.folder, &self.own)? else { return Ok(Look::Free { epoch: 1 }) };
+        let Some(epoch) = highest_epoch(&self.folder)? else { return Ok(Look::Free { epoch: 1 }) };
         let content = match std::fs::read(lease_file(&self.folder, epoch)) {
             Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Look::Waiting),
             content => content?,
@@ -227,7 +227,7 @@ impl Lease {
     /// Rewrites the file and looks for a higher epoch. `Err(error)`: the disk does not answer, and the time runs on.
     pub fn renew(&mut self, now: Duration) -> Result<Result<(), Lost>, Error> {
         let file = lease_file(&self.folder, self.epoch);
-        let highest = highest_epoch(&self.folder, &self.record.holder)?;
+        let highest = highest_epoch(&self.folder)?;
         if highest != Some(self.epoch) {
             let file = highest.map_or(file, |highest| lease_file(&self.folder, highest));
             return Ok(Err(Lost { file }));
@@ -260,10 +260,9 @@ fn epochs(folder: &Path) -> Result<Vec<u64>, Error> {
 }
 
 /// The highest epoch, from a folder that network file systems have read anew.
-fn highest_epoch(folder: &Path, own: &Holder) -> Result<Option<u64>, Error> {
-    let probe = folder.join(format!("probe-{}-{}", own.boot_id, own.pid));
-    File::create(&probe)?;
-    std::fs::remove_file(&probe)?;
+fn highest_epoch(folder: &Path) -> Result<Option<u64>, Error> {
+    // A file that comes and goes would do the same, but whoever copies the output of a living run would miss it.
+    File::open(folder)?.set_modified(SystemTime::now())?;
     Ok(epochs(folder)?.into_iter().max())
 }
 
