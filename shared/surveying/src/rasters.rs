@@ -36,7 +36,7 @@ pub struct RasterOptions<'a> {
     pub cell_mm: u32,
     /// sRGB by class id.
     pub class_colors: [[u8; 3]; 256],
-    /// The static world. `None`: the terrain has measured cells only, and there is no orthophoto.
+    /// Completed ground, and the points to leave out. Without it, the terrain has only measured cells, and no orthophoto is written.
     pub world: Option<&'a dyn StaticWorld>,
     /// Whether heights of the ground are kept for contour lines.
     pub keeps_nodes: bool,
