@@ -3,16 +3,15 @@
 //! `scene_errors RUN DRIVE`: the output folder of a run, and the simulated drive. The scene is computed as `replica scene` does. Before it is
 //! compared, the path of the run is aligned with the true path (heading and translation), so that errors of GNSS do not count.
 
-use anyhow::{Context, ensure};
+use anyhow::Context;
 use drive::{Drive, LabelReader, LabelledSweep, Shot, find_label};
-use geometry::{Isometry3, Point3, Pose, Trajectory, UnitQuaternion, Vector3};
+use geometry::{Point3, Vector3};
 use messages::ClassId;
-use raytrace::{Ray, Vec3};
-use scene::road::{RoadStrips, Traffic, along_m, cross_sections, driven_roads, opendrive};
+use scene::road::{RoadStrips, Traffic, cross_sections, driven_roads, opendrive};
 use scene::{Boxes, removed, write_scene};
-use simulation::{DriveSettings, SimulatedDrive, Simulation};
 use std::collections::BTreeMap;
 use std::path::Path;
+use studies::exact_town::{ExactTown, plane};
 use surveying::objects::objects_of;
 use surveying::{CloudPoint, RunFolder};
 
@@ -30,63 +29,16 @@ fn main() -> anyhow::Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let [run, drive] = &arguments[..] else { anyhow::bail!("RUN DRIVE") };
     let run = RunFolder::open(Path::new(run))?;
-    let mark = SimulatedDrive::read(Path::new(drive)).context("the drive is not simulated")?;
-    let settings = DriveSettings {
-        town: serde_json::from_value(mark.town.clone().into())?,
-        seed: mark.seed,
-        seconds: mark.seconds,
-        pass: mark.pass,
-        ..DriveSettings::default()
-    };
-    let town = Town { simulation: Simulation::new(&settings.spec()?)? };
+    let town = ExactTown::open(Path::new(drive), &run.trajectory)?;
     let drive = Drive::open(Path::new(drive))?;
-    let truth = drive.true_trajectory().context("has no truth")?.map_err(|problem| anyhow::anyhow!("{problem}"))?;
-    let town_from_run = aligned(&run.trajectory, &truth)?;
     let out = tempfile::tempdir()?;
     write_scene(&run, Traffic::Right, out.path(), |_| ())?;
-    ground(out.path(), &town, &town_from_run)?;
+    ground(out.path(), &town)?;
     let boxes = Boxes::new(&objects_of(&run)?.unwrap_or_default());
     removal(&run, &boxes, &drive)?;
-    marks(&run, &drive, &town, &town_from_run)?;
-    edges(&run, &boxes, &town, &town_from_run)?;
+    marks(&run, &drive, &town)?;
+    edges(&run, &boxes, &town)?;
     Ok(())
-}
-
-/// The exact town.
-struct Town {
-    simulation: Simulation,
-}
-
-impl Town {
-    /// Height and class of what a ray straight down meets within `reach_m`, m, without moving objects.
-    fn below(&self, from: &Point3<f64>, reach_m: f64) -> Option<(f64, ClassId)> {
-        let scene = &self.simulation.scene;
-        let origin = Vec3::new(from.x as f32, from.y as f32, from.z as f32);
-        let ray = Ray { origin, direction: Vec3::new(0.0, 0.0, -1.0), seed: 0 };
-        let hit = scene.cast(&scene.some_at(&[], 0.0), &ray, reach_m as f32)?;
-        Some((from.z - f64::from(hit.range_m), hit.surface.class))
-    }
-}
-
-/// Heading and translation from the run to the truth.
-fn aligned(run: &Trajectory, truth: &Trajectory) -> anyhow::Result<Pose> {
-    let pairs: Vec<(Vector3<f64>, Vector3<f64>)> = run
-        .poses()
-        .iter()
-        .filter_map(|(stamp, pose)| Some((pose.translation.vector, truth.at(*stamp)?.translation.vector)))
-        .collect();
-    ensure!(pairs.len() > 1, "the run and the truth have no times in common");
-    let n = pairs.len() as f64;
-    let from = pairs.iter().map(|(a, _)| a).sum::<Vector3<f64>>() / n;
-    let to = pairs.iter().map(|(_, b)| b).sum::<Vector3<f64>>() / n;
-    let [mut cos, mut sin] = [0.0; 2];
-    for (a, b) in &pairs {
-        let [a, b] = [a - from, b - to];
-        cos += a.x * b.x + a.y * b.y;
-        sin += a.x * b.y - a.y * b.x;
-    }
-    let rotation = UnitQuaternion::from_euler_angles(0.0, 0.0, sin.atan2(cos));
-    Ok(Isometry3::from_parts((to - rotation * from).into(), rotation))
 }
 
 /// A ground point: its place in the town, and its height above the true ground there, m; infinite without ground.
@@ -97,27 +49,28 @@ struct GroundPoint {
 }
 
 /// Heights of the vertices of the ground meshes, measured and completed.
-fn ground(scene: &Path, town: &Town, town_from_run: &Pose) -> anyhow::Result<()> {
+fn ground(scene: &Path, town: &ExactTown) -> anyhow::Result<()> {
     let mut points = Vec::new();
     for entry in std::fs::read_dir(scene.join(scene::GROUND))? {
         let vertices = vertices_of_glb(&std::fs::read(entry?.path())?)?;
         let above = |vertex: &MeshVertex, above_m: f64| {
-            let place = town_from_run * vertex.place + Vector3::new(0.0, 0.0, above_m);
+            let place = town.town_from_run * vertex.place + Vector3::new(0.0, 0.0, above_m);
             let found = town.below(&place, 2.0 * above_m.abs().max(ABOVE_M) + 0.3);
-            found.map_or(f64::INFINITY, |(height_m, _)| place.z - above_m - height_m)
+            found.map_or(f64::INFINITY, |hit| f64::from(hit.range_m) - above_m)
         };
         let mut offs: Vec<f64> = vertices.iter().step_by(5).map(|vertex| above(vertex, REACH_M)).collect();
         offs.sort_by(f64::total_cmp);
         let raised_m = offs[offs.len() / 2];
         let off_m = |vertex: &MeshVertex| above(vertex, ABOVE_M - raised_m) - raised_m;
         let point = |vertex: &MeshVertex| GroundPoint {
-            place: town_from_run * vertex.place,
+            place: town.town_from_run * vertex.place,
             off_m: off_m(vertex),
             score: vertex.score,
         };
         let mut of_tile: Vec<GroundPoint> = vertices.iter().map(point).collect();
         // The path of the run drifts and tilts by some centimetres, which is not an error of the surface.
-        let plane = plane(of_tile.iter().filter(|point| point.score >= 1.0 && point.off_m.abs() < 0.5));
+        let near = of_tile.iter().filter(|point| point.score >= 1.0 && point.off_m.abs() < 0.5);
+        let plane = plane(near.map(|point| [point.place.x, point.place.y, point.off_m]));
         for point in &mut of_tile {
             point.off_m -= plane.dot(&Vector3::new(1.0, point.place.x, point.place.y));
         }
@@ -136,18 +89,6 @@ fn ground(scene: &Path, town: &Town, town_from_run: &Pose) -> anyhow::Result<()>
         line(format!("  score {low:.1} to {high:.1}"), &|point| (low..high).contains(&point.score));
     }
     Ok(())
-}
-
-/// Height and slopes of the plane through heights above the true ground.
-fn plane<'a>(points: impl Iterator<Item = &'a GroundPoint>) -> Vector3<f64> {
-    let mut normal = nalgebra::Matrix3::<f64>::zeros();
-    let mut right = Vector3::zeros();
-    for point in points {
-        let row = Vector3::new(1.0, point.place.x, point.place.y);
-        normal += row * row.transpose();
-        right += row * point.off_m;
-    }
-    normal.lu().solve(&right).unwrap_or_default()
 }
 
 /// A vertex of a mesh.
@@ -211,7 +152,7 @@ fn removal(run: &RunFolder, boxes: &Boxes, drive: &Drive) -> anyhow::Result<()> 
 }
 
 /// Mark of moving points: all points of an object in a second in which it moves.
-fn marks(run: &RunFolder, drive: &Drive, town: &Town, town_from_run: &Pose) -> anyhow::Result<()> {
+fn marks(run: &RunFolder, drive: &Drive, town: &ExactTown) -> anyhow::Result<()> {
     /// Slower objects stand, m/s.
     const MIN_SPEED_MPS: f64 = 0.5;
     #[derive(Default)]
@@ -244,7 +185,7 @@ fn marks(run: &RunFolder, drive: &Drive, town: &Town, town_from_run: &Pose) -> a
                 };
                 movers.iter().filter_map(place).collect()
             });
-            let p = town_from_run * Point3::from(point.xyz);
+            let p = town.town_from_run * Point3::from(point.xyz);
             let second = seconds.entry((label.instance, time_s as i64)).or_default();
             second.n += 1;
             second.n_marked += u64::from(point.is_moving);
@@ -282,7 +223,7 @@ fn shot(point: &CloudPoint) -> Shot {
 }
 
 /// Edges of the driven road against the town.
-fn edges(run: &RunFolder, boxes: &Boxes, town: &Town, town_from_run: &Pose) -> anyhow::Result<()> {
+fn edges(run: &RunFolder, boxes: &Boxes, town: &ExactTown) -> anyhow::Result<()> {
     let mut strips = RoadStrips::new(driven_roads([&run.trajectory]));
     for entry in &run.index.clouds {
         run.each_point(entry, |point| {
@@ -298,9 +239,9 @@ fn edges(run: &RunFolder, boxes: &Boxes, town: &Town, town_from_run: &Pose) -> a
         for section in cross_sections(&strips, road) {
             let (Some(sides), Some(height_m)) = (section.sides, section.height_m) else { continue };
             let station = stations[section.station];
-            let path = town_from_run * Point3::new(station.place[0], station.place[1], height_m);
+            let path = town.town_from_run * Point3::new(station.place[0], station.place[1], height_m);
             let found = town.below(&(path + Vector3::new(0.0, 0.0, REACH_M)), 2.0 * REACH_M);
-            let height_m = found.map_or(height_m, |(true_m, _)| height_m + true_m - path.z);
+            let height_m = found.map_or(height_m, |hit| height_m + REACH_M - f64::from(hit.range_m));
             for side in sides {
                 n_sides += 1;
                 if !side.is_seen {
@@ -311,9 +252,9 @@ fn edges(run: &RunFolder, boxes: &Boxes, town: &Town, town_from_run: &Pose) -> a
                 let is_road = |left_m: f64| {
                     let [dx, dy] = station.direction;
                     let place = [station.place[0] - left_m * dy, station.place[1] + left_m * dx];
-                    let from = town_from_run * Point3::new(place[0], place[1], height_m + CROSSFALL_M);
-                    town.below(&from, 2.0 * CROSSFALL_M).is_some_and(|(_, class)| {
-                        matches!(class, ClassId::Road | ClassId::RoadLine | ClassId::Vehicles)
+                    let from = town.town_from_run * Point3::new(place[0], place[1], height_m + CROSSFALL_M);
+                    town.below(&from, 2.0 * CROSSFALL_M).is_some_and(|hit| {
+                        matches!(hit.surface.class, ClassId::Road | ClassId::RoadLine | ClassId::Vehicles)
                     })
                 };
                 let mut n_off = 0;
@@ -325,9 +266,6 @@ fn edges(run: &RunFolder, boxes: &Boxes, town: &Town, town_from_run: &Pose) -> a
                     continue;
                 };
                 offs.push(side.edge_m - true_m);
-                if std::env::var_os("EDGES").is_some() {
-                    println!("  {:6.1} m: edge {:6.2}, true {true_m:6.2}", along_m(&section), side.edge_m);
-                }
             }
         }
     }

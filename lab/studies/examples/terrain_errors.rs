@@ -6,17 +6,15 @@
 //!
 //! The outline is the terrain with its holes filled: cells with terrain within 8 m in each of four directions, where the town has ground.
 
-use anyhow::{Context, bail, ensure};
-use drive::Drive;
+use anyhow::bail;
 use flate2::read::ZlibDecoder;
-use geometry::{Isometry3, Point3, Pose, Trajectory, UnitQuaternion, Vector3};
+use geometry::{Point3, Vector3};
 use messages::GROUND_CLASSES;
-use raytrace::{Ray, Vec3};
 use scene::CompletedTerrain;
-use simulation::{DriveSettings, SimulatedDrive, Simulation};
 use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::Path;
+use studies::exact_town::{ExactTown, plane};
 use surveying::{CloudOptions, RasterOptions, RunFolder, TargetFrame, write_rasters};
 
 /// Side of the cells, m.
@@ -36,18 +34,7 @@ fn main() -> anyhow::Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let [run, drive] = &arguments[..] else { bail!("RUN DRIVE") };
     let run = RunFolder::open(Path::new(run))?;
-    let mark = SimulatedDrive::read(Path::new(drive)).context("the drive is not simulated")?;
-    let settings = DriveSettings {
-        town: serde_json::from_value(mark.town.clone().into())?,
-        seed: mark.seed,
-        seconds: mark.seconds,
-        pass: mark.pass,
-        ..DriveSettings::default()
-    };
-    let simulation = Simulation::new(&settings.spec()?)?;
-    let drive = Drive::open(Path::new(drive))?;
-    let truth = drive.true_trajectory().context("has no truth")?.map_err(|problem| anyhow::anyhow!("{problem}"))?;
-    let town_from_run = aligned(&run.trajectory, &truth)?;
+    let town = ExactTown::open(Path::new(drive), &run.trajectory)?;
     let out = tempfile::tempdir()?;
     let runs = std::slice::from_ref(&run);
     let terrain = CompletedTerrain::new(runs, out.path(), |_| ())?;
@@ -67,50 +54,16 @@ fn main() -> anyhow::Result<()> {
     write_rasters(runs, &TargetFrame::local(run.georeference.as_ref()), &options, &rasters, out.path())?;
     let heights = Raster::read(&out.path().join("terrain.tif"))?;
     let sources = Raster::read(&out.path().join("terrain_source.tif"))?;
-    let town = Town { simulation, town_from_run };
     coverage(&heights, &sources, &town);
     errors(&heights, &sources, &town);
     Ok(())
 }
 
-/// The exact town.
-struct Town {
-    simulation: Simulation,
-    town_from_run: Pose,
-}
-
-impl Town {
-    /// Height above the true ground of a place of the run, m; NaN without ground within `reach_m` below `above_m` above it.
-    fn off_m(&self, [x, y, z]: [f64; 3], above_m: f64, reach_m: f64) -> f64 {
-        let from = self.town_from_run * Point3::new(x, y, z + above_m);
-        let scene = &self.simulation.scene;
-        let origin = Vec3::new(from.x as f32, from.y as f32, from.z as f32);
-        let ray = Ray { origin, direction: Vec3::new(0.0, 0.0, -1.0), seed: 0 };
-        let hit = scene.cast(&scene.some_at(&[], 0.0), &ray, reach_m as f32);
-        hit.filter(|hit| GROUND_CLASSES.contains(&hit.surface.class))
-            .map_or(f64::NAN, |hit| f64::from(hit.range_m) - above_m)
-    }
-}
-
-/// Heading and translation from the run to the truth.
-fn aligned(run: &Trajectory, truth: &Trajectory) -> anyhow::Result<Pose> {
-    let pairs: Vec<(Vector3<f64>, Vector3<f64>)> = run
-        .poses()
-        .iter()
-        .filter_map(|(stamp, pose)| Some((pose.translation.vector, truth.at(*stamp)?.translation.vector)))
-        .collect();
-    ensure!(pairs.len() > 1, "the run and the truth have no times in common");
-    let n = pairs.len() as f64;
-    let from = pairs.iter().map(|(a, _)| a).sum::<Vector3<f64>>() / n;
-    let to = pairs.iter().map(|(_, b)| b).sum::<Vector3<f64>>() / n;
-    let [mut cos, mut sin] = [0.0; 2];
-    for (a, b) in &pairs {
-        let [a, b] = [a - from, b - to];
-        cos += a.x * b.x + a.y * b.y;
-        sin += a.x * b.y - a.y * b.x;
-    }
-    let rotation = UnitQuaternion::from_euler_angles(0.0, 0.0, sin.atan2(cos));
-    Ok(Isometry3::from_parts((to - rotation * from).into(), rotation))
+/// Height above the true ground of a place of the run, m; NaN without ground within `reach_m` below `above_m` above it.
+fn off_m(town: &ExactTown, [x, y, z]: [f64; 3], above_m: f64, reach_m: f64) -> f64 {
+    let hit = town.below(&(town.town_from_run * Point3::new(x, y, z + above_m)), reach_m);
+    let ground = hit.filter(|hit| GROUND_CLASSES.contains(&hit.surface.class));
+    ground.map_or(f64::NAN, |hit| f64::from(hit.range_m) - above_m)
 }
 
 /// The first level of a raster with one band, rows from north to south.
@@ -190,12 +143,12 @@ fn outline(heights: &Raster) -> Vec<Option<f64>> {
     (0..heights.values.len()).map(cell).collect()
 }
 
-fn coverage(heights: &Raster, sources: &Raster, town: &Town) {
+fn coverage(heights: &Raster, sources: &Raster, town: &ExactTown) {
     let mut n = [0_usize; 3];
     for (idx, height) in outline(heights).into_iter().enumerate() {
         let Some(height) = height else { continue };
         let [x, y] = heights.place(idx);
-        let is_ground = !town.off_m([x, y, height], REACH_M, 2.0 * REACH_M).is_nan();
+        let is_ground = !off_m(town, [x, y, height], REACH_M, 2.0 * REACH_M).is_nan();
         let is_known = heights.get(idx).is_some();
         if is_ground || is_known {
             n[0] += 1;
@@ -219,7 +172,14 @@ struct Cell {
     is_measured: bool,
 }
 
-fn errors(heights: &Raster, sources: &Raster, town: &Town) {
+impl Cell {
+    /// Place and error in height.
+    fn error(&self) -> [f64; 3] {
+        [self.place[0], self.place[1], self.off_m]
+    }
+}
+
+fn errors(heights: &Raster, sources: &Raster, town: &ExactTown) {
     let mut squares: BTreeMap<[i64; 2], Vec<Cell>> = BTreeMap::new();
     for idx in 0..heights.values.len() {
         let Some(height) = heights.get(idx) else { continue };
@@ -231,18 +191,18 @@ fn errors(heights: &Raster, sources: &Raster, town: &Town) {
     for cells in squares.values_mut() {
         // A first plane from rays that start above vehicles, which are not ground.
         for cell in cells.iter_mut() {
-            cell.off_m = town.off_m(cell.place, REACH_M, 2.0 * REACH_M);
+            cell.off_m = off_m(town, cell.place, REACH_M, 2.0 * REACH_M);
         }
         let mut offs: Vec<f64> = cells.iter().map(|cell| cell.off_m).filter(|off| off.is_finite()).collect();
         offs.sort_by(f64::total_cmp);
         let middle_m = offs.get(offs.len() / 2).copied().unwrap_or_default();
         let near = cells.iter().filter(|cell| cell.is_measured && (cell.off_m - middle_m).abs() < 0.5);
-        let first = plane(near);
+        let first = plane(near.map(Cell::error));
         for cell in cells.iter_mut() {
             let [x, y, z] = cell.place;
-            cell.off_m = town.off_m([x, y, z - first.dot(&Vector3::new(1.0, x, y))], ABOVE_M, 2.0 * ABOVE_M + 0.3);
+            cell.off_m = off_m(town, [x, y, z - first.dot(&Vector3::new(1.0, x, y))], ABOVE_M, 2.0 * ABOVE_M + 0.3);
         }
-        let second = plane(cells.iter().filter(|cell| cell.is_measured && cell.off_m.abs() < 0.5));
+        let second = plane(cells.iter().filter(|cell| cell.is_measured && cell.off_m.abs() < 0.5).map(Cell::error));
         for cell in cells {
             cell.off_m -= second.dot(&Vector3::new(1.0, cell.place[0], cell.place[1]));
         }
@@ -260,16 +220,4 @@ fn errors(heights: &Raster, sources: &Raster, town: &Town) {
             100.0 * (n - found.len()) as f64 / n as f64
         );
     }
-}
-
-/// Height and slopes of the plane through heights above the true ground.
-fn plane<'a>(cells: impl Iterator<Item = &'a Cell>) -> Vector3<f64> {
-    let mut normal = nalgebra::Matrix3::<f64>::zeros();
-    let mut right = Vector3::zeros();
-    for cell in cells {
-        let row = Vector3::new(1.0, cell.place[0], cell.place[1]);
-        normal += row * row.transpose();
-        right += row * cell.off_m;
-    }
-    normal.lu().solve(&right).unwrap_or_default()
 }
