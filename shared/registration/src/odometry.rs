@@ -371,6 +371,7 @@ impl Odometry {
         self.state.weak_track.update(&MatchedSweep {
             matched: matched.as_ref(),
             forward,
+            turn_radps: Velocity::between(&last.mid, &motion.mid, seconds).angular.norm(),
             is_left_to_receiver,
             is_by_overlap: along_track.is_some(),
         });

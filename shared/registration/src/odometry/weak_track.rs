@@ -21,6 +21,9 @@ const END_INFLUENCE: f64 = 0.03;
 const MIN_MATCHED: u32 = 10;
 /// Consecutive sweeps with a low influence before a measurement.
 const MIN_WEAK: u32 = 3;
+/// Rate of turn above which a stretch ends, rad/s: 22 m/s around a radius of 280 m, the tightest of a motorway. At a junction, where 0.3 rad/s
+/// and more are usual, the map of rough surfaces is seen from a new side, and the overlap bent the path of the sample by 1.2 degrees.
+const MAX_TURN_RADPS: f64 = 0.08;
 /// Error of the last position in the map, m. Without inertial samples it adds to the error of the prediction. Chosen on motorways
 /// 101 to 108: with 0.05 m, 108 of rig kitti is lost; with 0.2 m it ends 26 m off.
 const MAP_ERROR_M: f64 = 0.1;
@@ -51,14 +54,16 @@ impl WeakTrack {
     }
 
     /// Adds the match of a sweep. A sweep without a match starts anew.
-    pub fn update(&mut self, MatchedSweep { matched, forward, is_left_to_receiver, is_by_overlap }: &MatchedSweep<'_>) {
+    pub fn update(&mut self, sweep: &MatchedSweep<'_>) {
+        let MatchedSweep { matched, forward, turn_radps, is_left_to_receiver, is_by_overlap } = sweep;
         let Some(matched) = matched else {
             *self = Self::default();
             return;
         };
         self.n_matched = self.n_matched.saturating_add(1);
         let limit = if self.n_weak > 0 { END_INFLUENCE } else { START_INFLUENCE };
-        let is_weak = along_track_influence(matched, forward) < limit && !is_left_to_receiver;
+        let is_straight = *turn_radps < MAX_TURN_RADPS;
+        let is_weak = is_straight && along_track_influence(matched, forward) < limit && !is_left_to_receiver;
         self.n_weak = if is_weak { self.n_weak.saturating_add(1) } else { 0 };
         self.is_refuted = is_weak && (self.is_refuted || *is_by_overlap);
     }
@@ -81,6 +86,8 @@ pub(crate) struct MatchedSweep<'a> {
     pub matched: Option<&'a Matched>,
     /// Direction of travel, unit vector, odom axes.
     pub forward: Vector3<f64>,
+    /// Rate of turn since the last sweep, rad/s.
+    pub turn_radps: f64,
     /// Whether surrounding traffic makes the motion ambiguous, and a GNSS receiver measures the speed.
     pub is_left_to_receiver: bool,
     /// Whether the overlap decided on the along-track position.
@@ -206,18 +213,20 @@ mod tests {
     struct Results {
         /// `None` without a match.
         influence: Option<f64>,
+        turn_radps: f64,
         is_left_to_receiver: bool,
         is_by_overlap: bool,
     }
 
     fn after(sweeps: &[Results]) -> WeakTrack {
         let mut track = WeakTrack::default();
-        for Results { influence, is_left_to_receiver, is_by_overlap } in sweeps {
+        for Results { influence, turn_radps, is_left_to_receiver, is_by_overlap } in sweeps {
             let matched = influence.map(matched);
             let is_left_to_receiver = *is_left_to_receiver;
             track.update(&MatchedSweep {
                 matched: matched.as_ref(),
                 forward: Vector3::x(),
+                turn_radps: *turn_radps,
                 is_left_to_receiver,
                 is_by_overlap: *is_by_overlap,
             });
@@ -225,8 +234,10 @@ mod tests {
         track
     }
 
-    const WEAK: Results = Results { influence: Some(0.005), is_left_to_receiver: false, is_by_overlap: false };
-    const STREET: Results = Results { influence: Some(0.05), is_left_to_receiver: false, is_by_overlap: false };
+    const WEAK: Results =
+        Results { influence: Some(0.005), turn_radps: 0.01, is_left_to_receiver: false, is_by_overlap: false };
+    const STREET: Results =
+        Results { influence: Some(0.05), turn_radps: 0.01, is_left_to_receiver: false, is_by_overlap: false };
 
     #[test]
     fn influence_is_the_share_of_the_direction() {
@@ -244,10 +255,11 @@ mod tests {
     }
 
     #[test]
-    fn measurements_end_at_a_gap_in_a_street_and_in_traffic() {
-        let gap = Results { influence: None, is_left_to_receiver: false, is_by_overlap: false };
+    fn measurements_end_at_a_gap_in_a_street_in_traffic_and_in_a_turn() {
+        let gap = Results { influence: None, turn_radps: 0.01, is_left_to_receiver: false, is_by_overlap: false };
         let traffic = Results { is_left_to_receiver: true, ..WEAK };
-        for end in [gap, STREET, traffic] {
+        let turn = Results { turn_radps: 0.3, ..WEAK };
+        for end in [gap, STREET, traffic, turn] {
             assert!(!after(&[&[WEAK; 20][..], &[end]].concat()).is_measurable(), "{end:?}");
         }
         let less_weak = Results { influence: Some(0.02), ..WEAK };
